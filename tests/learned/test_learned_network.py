@@ -138,7 +138,10 @@ PLANNERS = ("dtpp", "gameformer", "gc_pgp", "pdm_hybrid", "pdm_open", "urban_dri
 CARDS = ("dtpp", "gameformer", "gc_pgp", "pdm_offset", "pdm_open", "urban_driver")
 AS_PUBLISHED = ("pdm_offset", "pdm_open")
 LARGEST_BYTES = 3_000_000
-PLAIN = ("following_lane_with_lead/*", "high_magnitude_speed/*", "behind_long_vehicle/*", "changing_lane/*")
+PLAIN = tuple(
+    f"{family}/[0-3]"
+    for family in ("following_lane_with_lead", "high_magnitude_speed", "behind_long_vehicle", "changing_lane")
+)
 """Sixteen scenes on roads where nothing but driving is asked for."""
 PLAIN_S = 15.0
 
@@ -162,8 +165,10 @@ def test_all_learned_from_the_same_samples_and_beat_constant_velocity_on_new_roa
 ) -> None:
     cards = shipped_cards()
     assert sorted(cards) == sorted(CARDS)
-    assert shipped.data["hash"] == read_card(cards["pdm_open"]).data["hash"]
-    assert shipped.data["samples"]["train"] >= 20_000
+    samples = shipped.data["samples"]["train"]
+    assert samples >= 20_000
+    like = {card.data["hash"] for card in map(read_card, cards.values()) if card.data["samples"]["train"] == samples}
+    assert len(like) == 1
     for split in ("val", "test"):
         errors = shipped.errors[split]
         assert errors["samples"] > 500
