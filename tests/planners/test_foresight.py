@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from worlds import cars, ego, ego_on, junction, mission, observation, pedestrians, signals, straight_road, together
 
@@ -190,18 +190,11 @@ def test_it_lets_somebody_cross_and_goes_on() -> None:
     assert states[-1].x_m > 100.0
 
 
-@pytest.mark.slow
-def test_it_is_slow_where_a_bus_hides_people() -> None:
-    bus = cars((80.0, -WIDTH_M, 0.0), length_m=12.0, width_m=2.55)
-    speeds = {round(s.x_m): s.vx_mps for s in foresee(mission(TWO, ("11",)), ego(30.0, 0.0, 11.0), bus, seconds=11.0)}
-    assert max(v for x, v in speeds.items() if 79 <= x <= 83) < 5.5
-    assert max(speeds.values()) > 9.0
-
-
 @settings(max_examples=6)
 @given(
     seed=st.integers(0, 2**31), speed=st.floats(0.0, 12.0), left_m=st.floats(-0.5, 0.5),
 )  # fmt: skip
+@example(seed=396, speed=10.0, left_m=0.0)
 def test_a_mirrored_world_gives_a_mirrored_plan(seed: int, speed: float, left_m: float) -> None:
     rng = np.random.default_rng(seed)
     axis_m = -WIDTH_M  # the middle lane
@@ -219,6 +212,9 @@ def test_a_mirrored_world_gives_a_mirrored_plan(seed: int, speed: float, left_m:
         planner.start(mission(THREE, (lane,), goal_arc_m=300.0))
         past = Past((), tuple(moved(world, -0.1 * ago) for ago in range(20, 0, -1)))
         plans.append(planner.plan(observation(ego(60.0, axis_m + flip * left_m, speed), world, past=past)))
+        assert planner.decision is not None
+        (_, best), (_, second), *_ = planner.decision.options
+        assume(second - best > 1e-9)  # left and right may be worth the same
     assert plans[0].x_m == pytest.approx(plans[1].x_m, abs=1e-6)
     assert plans[0].y_m - axis_m == pytest.approx(axis_m - plans[1].y_m, abs=1e-6)
 

@@ -25,7 +25,7 @@ from worlds import (
 
 from interplan_planners.common.neighbours import moved
 from interplan_planners.foresight import ForesightPlanner
-from interplan_planners.foresight.candidate_paths import CandidatePath
+from interplan_planners.foresight.candidate_paths import HELD_M, RUN_IN_M, CandidatePath
 from interplan_planners.foresight.costs import speed_costs
 from interplan_planners.foresight.drivers import ACCELERATION_MPS2, HARD_MPS2, answers_mps2, minded, needed_gap_m
 from interplan_planners.foresight.manoeuvres import Manoeuvres
@@ -46,17 +46,31 @@ FRONT_M = PACIFICA.length_m / 2
 END_M = 200.0
 
 
-def forking() -> Roads:
-    """Two lanes, of which the right one, "12", leads elsewhere behind `END_M`: the route goes on from "11"."""
-    roads = straight_road(lanes=2, length_m=400.0, limit_mps=10.0, cuts_m=((END_M, END_M + 12.0),))
+def forking(between_m: float | None = None) -> Roads:
+    """Two lanes, of which the right one, "12", leads elsewhere behind `END_M`: the route goes on from "11".
+
+    With `between_m` there is a junction behind `END_M` and two lanes of that length behind it, and there they part.
+    """
+    cuts, fork = [(END_M, END_M + 12.0)], 2
+    if between_m is not None:
+        cuts, fork = [*cuts, (END_M + 12.0 + between_m, END_M + 24.0 + between_m)], 4
+    roads = straight_road(lanes=2, length_m=400.0, limit_mps=10.0, cuts_m=cuts)
+    left, right, behind = f"{fork}1", f"{fork}2", f"{fork + 1}"
     blocks = dict(roads.roadblocks)
-    away = replace(blocks["2"], id="29", lane_ids=("22",), to_id="39")
-    blocks |= {"2": replace(blocks["2"], lane_ids=("21",)), "3": replace(blocks["3"], lane_ids=("31",)), "29": away}
-    blocks["39"] = replace(blocks["3"], id="39", lane_ids=("32",))
-    connector = replace(roads.connectors["22"], roadblock_id="29")
-    lane = replace(roads.lanes["32"], roadblock_id="39", index=0)
+    away = replace(blocks[f"{fork}"], id="29", lane_ids=(right,), to_id="39")
+    blocks |= {
+        f"{fork}": replace(blocks[f"{fork}"], lane_ids=(left,)),
+        behind: replace(blocks[behind], lane_ids=(f"{behind}1",)),
+        "29": away,
+        "39": replace(blocks[behind], id="39", lane_ids=(f"{behind}2",)),
+    }
+    connector = replace(roads.connectors[right], roadblock_id="29")
+    lane = replace(roads.lanes[f"{behind}2"], roadblock_id="39", index=0)
     return replace(
-        roads, roadblocks=blocks, connectors={**roads.connectors, "22": connector}, lanes={**roads.lanes, "32": lane}
+        roads,
+        roadblocks=blocks,
+        connectors={**roads.connectors, right: connector},
+        lanes={**roads.lanes, f"{behind}2": lane},
     )
 
 
@@ -121,6 +135,22 @@ def test_who_is_beside_the_ego_is_not_expected_to_brake_for_its_corner(
     assert (float(traffic.forecast.speed_mps[0, 10]) < 2.0) == brakes
 
 
+@pytest.mark.parametrize(
+    ("x_m", "was_mps", "gains_m"),
+    [(50.0, 4.0, 0.0), (50.0, 3.75, 0.0), (50.0, 3.0, 1.7), (50.0, 1.0, 5.2), (50.0, 0.0, 5.2), (80.0, 1.0, 0.0)],
+)
+def test_who_accelerates_hard_goes_on_so_for_a_while_unless_it_is_ahead(
+    x_m: float, was_mps: float, gains_m: float
+) -> None:
+    """A gap behind those ahead must not be counted on to grow."""
+    roads, here = straight_road(lanes=2, length_m=400.0, limit_mps=12.0), ego(60.0, 0.0, 6.0)
+    now, then = (cars((x_m, -WIDTH_M, mps)) for mps in (4.0, was_mps))
+    seen = observation(here, now, past=Past((here,) * 20, (then,) * 20))
+    forecast = Prediction(roads).traffic(seen, PACIFICA, 4.0).forecast
+    usual = Prediction(roads).traffic(observation(here, now), PACIFICA, 4.0).forecast
+    assert float(forecast.x_m[0, 10] - usual.x_m[0, 10]) == pytest.approx(gains_m, abs=0.5)
+
+
 # --- the end of a lane -----------------------------------------------------------------------------
 
 
@@ -130,6 +160,20 @@ def test_it_waits_for_a_gap_before_its_lane_leaves_the_route() -> None:
     assert states[-1].vx_mps < 0.3
     assert END_M - 14.0 < states[-1].x_m + FRONT_M < END_M
     assert max(abs(state.y_m + WIDTH_M) for state in states) < 0.7
+
+
+@pytest.mark.parametrize(("between_m", "waits_m"), [(11.5, END_M), (12.5, END_M + 12.0 + 12.5)])
+def test_it_waits_before_the_junction_if_the_lane_behind_is_too_short_to_change_from(
+    between_m: float, waits_m: float
+) -> None:
+    roads = forking(between_m)
+    task = mission(roads, ("11", "21", "31", "41", "51"), goal_arc_m=100.0)
+    base = Manoeuvres(task, ego_on(roads, "12", 120.0, 9.0), 13.0, 3.6).base(0, "12")
+    assert base.room_m == pytest.approx(RUN_IN_M + waits_m)
+    assert base.held_m == pytest.approx(RUN_IN_M + waits_m - HELD_M)
+    assert base.ends_m == pytest.approx(RUN_IN_M + END_M + 12.0 + between_m)
+    onward = Manoeuvres(task, ego_on(roads, "11", 120.0, 9.0), 13.0, 3.6).base(0, "11")
+    assert (onward.held_m, onward.room_m) == (inf, onward.ends_m)
 
 
 def test_it_changes_before_its_lane_leaves_the_route_if_there_is_room() -> None:
@@ -304,7 +348,7 @@ def cost_of(center_m: float, mps: float, comes_s: float = 0.0) -> float:
     yes, no, nobody = np.ones(1, np.bool_), np.zeros(1, np.bool_), np.zeros((0, steps))
     stage = Stage(
         candidate, 100.0, np.full(400, 10.0), (), near, far, center, np.full((1, steps), mps),
-        there, no, yes, no, (inf, inf), None, None, nobody, nobody, np.zeros(0, np.bool_),
+        there, no, yes, no, no, (inf, inf), None, None, nobody, nobody, np.zeros(0, np.bool_),
     )  # fmt: skip
     return float(speed_costs([stage], drafts, PACIFICA, 10.0, 0.0)[0])
 

@@ -21,6 +21,8 @@ RUN_OUT_M = 120.0
 """And goes on this far beyond its last one, so that a plan does not end where the route does."""
 HELD_M, HELD_PER_CHANGE_M = 8.0, 14.0
 """Before the end of a lane that leaves the route there should be this much room for a change, and for each one more."""
+CHANGED_FROM_M = 12.0
+"""From a lane that is shorter nobody changes: who waited on it for a gap would be in the junction behind."""
 RETURNS_M, APART_M, PROBE_M = 8.0, 40.0, 2.0
 """A base ends where its line comes this near to what lies the second behind it along the line, looked for this finely:
 on a long way that crosses itself nobody could tell on which pass the ego is."""
@@ -63,7 +65,9 @@ class Base:
     limit_mps: Floats
     """(S,) for each metre of the path, what the law allows."""
     room_m: float
-    """Arc length up to which lane changes for the goal are of use."""
+    """Arc length up to which lane changes for the goal are of use and possible."""
+    ends_m: float
+    """Arc length of the goal, or where the way leaves the route."""
     beyond: tuple[tuple[str, float], ...]
     """Lanes and connectors that the line follows beyond its way, and where each begins on it."""
     held_m: float
@@ -147,9 +151,20 @@ def base_of(roads: Roads, way: LaneRoute, index: int, changes: int, fallback_lim
     limit_mps = by_lane[np.clip(at, 0, len(by_lane) - 1)]
     starts_m = RUN_IN_M + way.path.line.length_m
     placed = tuple((lane_id, starts_m + after_m) for lane_id, after_m in beyond)
-    room_m = way.room_m + RUN_IN_M
+    ends_m = way.room_m + RUN_IN_M
+    room_m = ends_m if way.arrives else _last_change_m(roads, way) + RUN_IN_M
     held_m = inf if way.arrives else room_m - HELD_M - HELD_PER_CHANGE_M * (max(changes, 1) - 1)
-    return Base(way, index, DrivingPath(line), limit_mps, room_m, placed, held_m, line is every)
+    return Base(way, index, DrivingPath(line), limit_mps, room_m, ends_m, placed, held_m, line is every)
+
+
+def _last_change_m(roads: Roads, way: LaneRoute) -> float:
+    """Where on a way that leaves the route the last lane ends from which one can change; its end if there is none."""
+    ends_m = [*way.starts_m[1:].tolist(), way.room_m]
+    for lane_id, start_m, end_m in reversed(list(zip(way.lanes, way.starts_m.tolist(), ends_m, strict=True))):
+        beside = roads.left_of(lane_id) or roads.right_of(lane_id)
+        if beside is not None and end_m - start_m > CHANGED_FROM_M:
+            return end_m
+    return way.room_m
 
 
 def _until_it_returns(line: Polyline) -> Polyline:

@@ -1,22 +1,11 @@
-"""Caution: where lights hold the ego, where it waits before what blocks its way, and where people may step out."""
+"""Caution: where lights hold the ego, and where it waits for a gap or before what blocks its way."""
 
 from __future__ import annotations
 
-import numpy as np
-
-from interplan_planners.foresight.candidate_paths import (
-    BRAKING_MPS2,
-    DRAWN_M,
-    RUN_IN_M,
-    Base,
-    CandidatePath,
-    shortest_m,
-)
+from interplan_planners.foresight.candidate_paths import DRAWN_M, RUN_IN_M, Base, shortest_m
 from interplan_planners.foresight.scene import PlanningScene
 from interplan_planners.foresight.static_classification import StandingGroup
-from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.ego import EgoShape
-from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.signals import SignalStatus
 
 BESIDE_M = 2.2
@@ -35,14 +24,6 @@ HELD_BRAKING_MPS2, HELD_SPARE_M = 1.8, 8.0
 """With what the ego brakes to wait there, and what it keeps besides: gaps are easier to reach at speed."""
 PASSED_LINE_M = 1.0
 """Who is farther than this beyond a stop line goes on."""
-LONG_M = 7.0
-"""Vehicles longer than this hide people."""
-HIDING_M = 4.5
-"""If they stand nearer than this to the candidate."""
-STEP_OUT_MPS = 4.6
-"""A speed from which the ego can stop for somebody who steps out: 0.3 s to react and 3.5 m/s2."""
-STEP_OUT_BEFORE_M, STEP_OUT_BEYOND_M = 9.0, 2.0
-"""Around the front of what hides it."""
 
 
 def red_stops(scene: PlanningScene, base: Base, at_m: float) -> list[float]:
@@ -90,20 +71,3 @@ def waiting_m(blocked: StandingGroup, front_m: float, speed_mps: float, shape: E
             swing_m += RUN_UP_M
     # what it is too late for is not made worse
     return max(blocked.start_m - swing_m, min(soonest_stop_m(front_m, speed_mps), blocked.start_m - 1.0))
-
-
-def cautious_limits(candidate: CandidatePath, arc_m: float, scene: PlanningScene) -> Floats:
-    """(S,) the limits of a candidate, lowered where people may step out before something long that stands beside it."""
-    actors = scene.traffic.actors
-    limit = candidate.limit_mps
-    long = np.flatnonzero(scene.stays & (actors.kind == ActorKind.VEHICLE) & (actors.length_m > LONG_M))
-    for row in long.tolist():
-        s, d = candidate.path.project(actors.corners[row][:, 0], actors.corners[row][:, 1])
-        front_m = float(s.max())
-        if float(np.abs(d).min()) > HIDING_M or front_m < arc_m or float(np.ptp(s)) < 1.0:
-            continue
-        metres = np.arange(len(limit))
-        before_m = np.maximum(front_m - STEP_OUT_BEFORE_M - scene.shape.front_m - metres, 0.0)
-        slow = np.sqrt(STEP_OUT_MPS**2 + 2.0 * BRAKING_MPS2 * before_m)
-        limit = np.where(metres < front_m + STEP_OUT_BEYOND_M, np.minimum(limit, slow), limit)
-    return limit

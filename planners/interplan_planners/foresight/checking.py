@@ -71,7 +71,7 @@ def _goal_m(stage: Stage) -> float:
     """Arc length of a stage's path where the goal is, or where its way leaves the route."""
     base = stage.candidate.base
     here = stage.candidate.path.line.pose_at(stage.arc_m)
-    return stage.arc_m + base.room_m - base.line.project_point(here.x_m, here.y_m)[0]
+    return stage.arc_m + base.ends_m - base.line.project_point(here.x_m, here.y_m)[0]
 
 
 def _wider(forecast: Forecast) -> Forecast:

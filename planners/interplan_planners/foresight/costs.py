@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from interplan_planners.foresight.drivers import REACTION_S, answers_mps2, minded
-from interplan_planners.foresight.prediction import STEP_S
+from interplan_planners.foresight.prediction import ACCELERATION_MPS2, STEP_S
 from interplan_planners.foresight.speeds import Drafts
 from interplan_planners.foresight.st_obstacles import Stage
 from interplan_planners.foresight.unseen import ONE_IN_M, PLACE_M, HiddenPlaces, comes_next, fronts_then
@@ -22,6 +22,9 @@ WHOLE_SHARE, HALF_SHARE = 0.8, 0.4
 SLOWEST_REFERENCE_MPS = 3.0
 HIT, HIT_FADES_S = 120.0, 6.0
 """For running into somebody, now; it fades with the time until then, for forecasts get worse."""
+PAUSES, PAUSE_MPS2, ANSWERED_S, SPARE_M = 20.0, (3.0, 6.0), 0.3, 0.5
+"""Per second in which the ego could not stop for somebody on foot before it who stopped then: this time later and that
+far away, it takes no more than the first deceleration, and cannot with more than the second."""
 UNSEEN = 16.0
 """For being in the way of somebody who may come from where the ego cannot see."""
 CLOSE, CLOSE_FRONT_S, CLOSE_M = 2.5, 0.35, 0.8
@@ -79,6 +82,8 @@ def speed_costs(
         cost[rows] += faded(HIT, np.where(struck, time_s[any_hit.argmax(axis=1)], np.inf), HIT_FADES_S)
         near = np.any(_hits(stage, front + CLOSE_FRONT_S * v, rear, settled, CLOSE_M, CLOSE_M), axis=2)
         cost[rows] += CLOSE * near.mean(axis=1) * np.where(struck, 0.0, 1.0)
+        if stage.walks.any():
+            cost[rows] += PAUSES * _cannot_stop_s(stage, front, v)
         if stage.unseen is not None:
             near, far = stage.unseen
             met = (front > near) & (rear < far)
@@ -109,6 +114,16 @@ def _hits(
     mid = 0.5 * (front + rear)
     onset &= (stage.speed_mps.T > 0.5) & (np.where(here, center, -np.inf) < mid[:, :, None]) & settled[:, :, None]
     return mine & ~np.logical_or.accumulate(onset & stage.leads.T, axis=1)
+
+
+def _cannot_stop_s(stage: Stage, front: Floats, v: Floats) -> Floats:
+    """(n,) for how long the ego could not stop for those on foot before it if they did; in part where it hardly can."""
+    near = stage.near_m[stage.walks].T
+    gap = np.where(np.isfinite(near), near, np.inf) - front[:, :, None]
+    room = np.maximum(gap - ANSWERED_S * v[:, :, None] - SPARE_M, 0.05)
+    needed = np.where(gap > 0.0, v[:, :, None] ** 2 / (2.0 * room), 0.0)
+    mild, hard = PAUSE_MPS2
+    return STEP_S * np.clip((needed - mild) / (hard - mild), 0.0, 1.0).max(axis=2).sum(axis=1)
 
 
 def _answered(stage: Stage, s: Floats, v: Floats, shape: EgoShape) -> Floats:
@@ -158,9 +173,11 @@ def _answers_mps2(stage: Stage, at: Ints, rear_m: Floats, ego_mps: Floats, lengt
     far_m, mps = np.where(known, stage.far_m[lane], 0.0), np.maximum(stage.speed_mps[lane], 0.0)
     center_m = np.nan_to_num(stage.center_m[lane], nan=-np.inf)
     behind = (rear_m[:, None] + 0.5 * length_m > center_m[:, at].T) & known[:, at].T
-    # what those who accelerate have gained until then; of what comes later more will be known
+    # what those who accelerate have gained until then; of what comes later more will be known. Of those who are seen to
+    # accelerate harder the forecast has it
     soon = np.minimum(at, round(SOON_S / STEP_S))
-    seen = behind & known[:, 0] & known[:, soon].T
+    eager = mps[:, 1] - mps[:, 0] > STEP_S * ACCELERATION_MPS2 + 1e-6
+    seen = behind & (known[:, 0] & ~eager) & known[:, soon].T
     faster_mps = np.where(seen, np.maximum(mps[:, soon].T - mps[:, 0], 0.0), 0.0)
     farther_m = np.where(seen, far_m[:, soon].T - far_m[:, 0] - mps[:, 0] * (STEP_S * soon)[:, None], 0.0)
     gap_m = np.where(behind, rear_m[:, None] - far_m[:, at].T, NOBODY_M)

@@ -15,10 +15,11 @@ from interplan_planners.common.option_checks import more_than_0
 from interplan_planners.common.paths import braking_plan, rear_axle_plan
 from interplan_planners.common.steadied import steadied
 from interplan_planners.foresight.candidate_paths import RUN_IN_M, Base, CandidatePath
-from interplan_planners.foresight.caution import cautious_limits, gap_wait_m, red_stops, soonest_stop_m, waiting_m
+from interplan_planners.foresight.caution import gap_wait_m, red_stops, soonest_stop_m, waiting_m
 from interplan_planners.foresight.checking import CHECKED_S, TRACKED_AHEAD_S, checked_costs, finer
 from interplan_planners.foresight.costs import speed_costs
 from interplan_planners.foresight.foreseen import KEPT_S, Budget, Foreseen
+from interplan_planners.foresight.hidden_people import cautious_limits
 from interplan_planners.foresight.manoeuvres import NEW_LANE_M, ManoeuvreOption, Manoeuvres
 from interplan_planners.foresight.merging import leads_beside, prospects, wished_changes
 from interplan_planners.foresight.prediction import MOVING_MPS, STEP_S, Prediction
@@ -93,9 +94,8 @@ class ForesightPlanner:
     Who has not moved for 2 s and has no reason to wait is taken to stay; who may
     have one is given room, and who rides a bicycle is passed like what stands. What
     a gap is worth is asked of measured drivers. Before the oncoming lane is
-    used, somebody is assumed to come from the end of sight.
-    Where a long vehicle stands beside the way the ego is slow enough to stop for
-    somebody who steps out before it.
+    used, somebody is assumed to come from the end of sight. Where somebody may
+    step out from behind what stands beside the way the ego is slow enough to stop.
     """
 
     def __init__(
@@ -238,7 +238,7 @@ class ForesightPlanner:
         speed_mps = np.interp(ahead_s, STEP_S * np.arange(drafts.arc_m.shape[1]), drafts.speed_mps[best])
         plan = rear_axle_plan(candidate.path.line, ego.time_s + ahead_s, arc_m, speed_mps, shape)
         free_s, busy_s = KEPT_S[self.budget]
-        ends = base.room_m - base_m < ARRIVED_M + free_s * scene.speed_mps
+        ends = base.ends_m - base_m < ARRIVED_M + free_s * scene.speed_mps
         busy = ends or blocked is not None or bool(wished) or candidate.kind != "keep"
         self._foreseen = Foreseen(scene.seen, scene.traffic.forecast, plan, busy_s if busy else free_s)
         return plan
@@ -300,7 +300,7 @@ class ForesightPlanner:
             held_m = gap_wait_m(candidate.base, front_m, move_m, scene.speed_mps)
             if held_m is not None:
                 stops_m.append(held_m)
-            if at_m > candidate.base.room_m + ARRIVED_M:
+            if at_m > candidate.base.ends_m + ARRIVED_M:
                 stops_m.append(soonest_stop_m(front_m, scene.speed_mps))
             if candidate.kind == "keep" and blocked is not None and candidate.base is blocked.base:
                 stops_m.append(waiting_m(blocked, front_m, scene.speed_mps, shape))

@@ -37,8 +37,8 @@ NOT_FASTER_MPS2, STARTED_MPS = 0.1, 3.0
 """What those before the ego accelerate at most once they are faster than the second."""
 BEND_MPS2 = 3.0
 BRAKING_FRAMES, PAST_STEP_S = 5, 0.1
-BRAKING_ON_S, NOTED_BRAKING_MPS2 = 2.0, -0.6
-"""Who brakes harder than this goes on braking for some time."""
+GOES_ON_S, NOTED_BRAKING_MPS2, MOST_EAGER_MPS2 = 2.0, -0.6, 4.0
+"""Who brakes harder than the second goes on braking for some time; so does who accelerates harder than is usual."""
 TURNED_FOR_S = 1.6
 """Who is turned to its lane goes on like that for so long, less and less."""
 IN_LANE_M = 1.6
@@ -141,10 +141,12 @@ class Prediction:
         rows = np.flatnonzero(follows)
         if rows.size:
             queue = self._queue(observation, shape, rows, lane_of, arc_m, left_m, speed)
-            most_mps2 = np.where(_leads_ego(observation, rows), NOT_FASTER_MPS2, ACCELERATION_MPS2)
-            moved_m, along_mps = _rolled(
-                queue, arc_m[rows], speed[rows], most_mps2, _braking_mps2(observation, rows), steps
-            )
+            changes_mps2 = _changes_mps2(observation, rows)
+            leads = _leads_ego(observation, rows)
+            eager_mps2 = np.clip(np.where(leads, 0.0, changes_mps2), ACCELERATION_MPS2, MOST_EAGER_MPS2)
+            most_mps2 = np.where(leads, NOT_FASTER_MPS2, inf)
+            braking_mps2 = np.where(changes_mps2 < NOTED_BRAKING_MPS2, changes_mps2, inf)
+            moved_m, along_mps = _rolled(queue, arc_m[rows], speed[rows], eager_mps2, most_mps2, braking_mps2, steps)
             speeds[rows] = along_mps
             by_lane: dict[str, list[int]] = {}
             for place, row in enumerate(rows.tolist()):
@@ -262,11 +264,18 @@ class _Queue:
 
 
 def _rolled(
-    queue: _Queue, start_m: Floats, speed_mps: Floats, most_mps2: Floats, braking_mps2: Floats, steps: int
+    queue: _Queue,
+    start_m: Floats,
+    speed_mps: Floats,
+    eager_mps2: Floats,
+    most_mps2: Floats,
+    braking_mps2: Floats,
+    steps: int,
 ) -> tuple[Floats, Floats]:
     """Distance travelled and speed (R, steps + 1) of R drivers: IDM behind whoever leads each of them.
 
-    Nobody accelerates harder than `most_mps2` (R,); those who brake go on for a while with `braking_mps2` (R,).
+    For a while its acceleration is `eager_mps2` (R,), and those who brake go on with `braking_mps2` (R,). Nobody ever
+    accelerates harder than `most_mps2` (R,).
     """
     count, softness = len(start_m), 2.0 * sqrt(ACCELERATION_MPS2 * BRAKING_MPS2)
     foreign, lead, own = queue.lead == count, np.minimum(queue.lead, count - 1), np.arange(count)
@@ -281,11 +290,12 @@ def _rolled(
         wanted = np.maximum(MIN_GAP_M + v * HEADWAY_S + v * (v - lead_v) / softness, 0.0)
         bend = queue.bend_mps[own, np.minimum((start_m + moved).astype(np.int64), last)]
         free = (v / np.maximum(np.minimum(queue.limit_mps, bend), 0.5)) ** 4
-        a = ACCELERATION_MPS2 * (1.0 - np.minimum(free, 4.0) - (wanted / gap) ** 2)
+        goes_on = k * STEP_S <= GOES_ON_S
+        a = (eager_mps2 if goes_on else ACCELERATION_MPS2) * (1.0 - np.minimum(free, 4.0) - (wanted / gap) ** 2)
         closing = np.maximum(v - lead_v, 0.0)
         needed = -(closing * closing) / (2.0 * np.maximum(gap - MIN_GAP_M, 0.5))
         a = np.minimum(np.maximum(a, needed - RELAXED_MPS2), most_mps2)
-        if k * STEP_S <= BRAKING_ON_S:
+        if goes_on:
             a = np.minimum(a, braking_mps2)
         after = np.maximum(v + STEP_S * np.maximum(a, -HARDEST_BRAKING_MPS2), 0.0)
         moved = moved + 0.5 * STEP_S * (v + after)
@@ -313,9 +323,9 @@ def _leads_ego(observation: Observation, rows: NDArray[np.int64]) -> NDArray[np.
     return (ahead_m > 0.0) & (along_mps > STARTED_MPS)
 
 
-def _braking_mps2(observation: Observation, rows: NDArray[np.int64]) -> Floats:
-    """(R,) acceleration over the last half second of those who brake; infinite for the rest."""
-    found = np.full(len(rows), inf)
+def _changes_mps2(observation: Observation, rows: NDArray[np.int64]) -> Floats:
+    """(R,) accelerations over the last half second; 0 for those who were not seen then."""
+    found = np.zeros(len(rows))
     if len(observation.past.actors) < BRAKING_FRAMES:
         return found
     before = observation.past.actors[-BRAKING_FRAMES]
@@ -324,7 +334,5 @@ def _braking_mps2(observation: Observation, rows: NDArray[np.int64]) -> Floats:
     for place, row in enumerate(rows.tolist()):
         was = speed_of.get(actors.ids[row])
         if was is not None:
-            change = (float(actors.speed_mps[row]) - was) / (BRAKING_FRAMES * PAST_STEP_S)
-            if change < NOTED_BRAKING_MPS2:
-                found[place] = change
+            found[place] = (float(actors.speed_mps[row]) - was) / (BRAKING_FRAMES * PAST_STEP_S)
     return found

@@ -56,6 +56,7 @@ class Stage:
     leads: NDArray[np.bool_]  # (B, K + 1) who is followed when ahead
     doubtful: NDArray[np.bool_]  # (B,) who stands and may stay, or go on
     strip: NDArray[np.bool_]  # (B,) who is in the strip that the ego sweeps: can be hit
+    walks: NDArray[np.bool_]  # (B,) who is on foot in that strip, and may stop there or go on
     follower: NDArray[np.bool_]  # (B,) who comes along the lane that the ego changes to
     enters_m: tuple[float, float]
     """Arc lengths from which on the ego is near the border of that lane, and reaches over it; infinite if never."""
@@ -132,7 +133,7 @@ def staged(
     nobody = [np.zeros((0, present.shape[1]))]
     return Stage(
         candidate, arc_m, limit_mps, tuple(stops_m), on.near_m, on.far_m, on.center_m, on.speed_mps,
-        present & (along | still)[:, None], scene.doubtful[on.rows], strip, along & ~strip,
+        present & (along | still)[:, None], scene.doubtful[on.rows], strip, people & strip & ~still, along & ~strip,
         _enters_m(candidate, arc_m, shape), unseen, hidden,
         np.concatenate([contender.near_m[None] for contender in found] or nobody),
         np.concatenate([contender.speed_mps[None] for contender in found] or nobody),

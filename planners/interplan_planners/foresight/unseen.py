@@ -46,6 +46,7 @@ class HiddenPlaces:
     speed_mps: float
 
     def moved(self, by_m: float) -> HiddenPlaces:
+        """The same by arc lengths of another path, on which they are so much farther."""
         return HiddenPlaces(self.front_m + by_m, self.speed_mps)
 
 
