@@ -30,7 +30,7 @@ from tools.networks import keep_plan_times
 MAPS = ("back_bay", "strip", "one_north", "hazelwood")
 DEFAULT = (
     "idm", "idm_mobil", "idm_mobil?published=true", "pdm_closed", "pdm_proposals", "foresight", "foresight?budget=fast",
-    "pdm_open", "urban_driver", "gc_pgp", "gameformer", "dtpp", "pdm_hybrid",
+    "pdm_open", "urban_driver", "gc_pgp", "gameformer", "dtpp", "flow_drive", "pdm_hybrid",
 )  # fmt: skip
 STEPS = 60
 SIGHT_M = 100.0

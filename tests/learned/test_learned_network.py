@@ -135,8 +135,8 @@ def test_a_card_that_cannot_be_used_is_one_clear_line(
     assert "\n" not in str(error.value)
 
 
-PLANNERS = ("dtpp", "gameformer", "gc_pgp", "pdm_hybrid", "pdm_open", "urban_driver")
-CARDS = ("dtpp", "gameformer", "gc_pgp", "pdm_offset", "pdm_open", "urban_driver")
+PLANNERS = ("dtpp", "flow_drive", "gameformer", "gc_pgp", "pdm_hybrid", "pdm_open", "urban_driver")
+CARDS = ("dtpp", "flow_drive", "gameformer", "gc_pgp", "pdm_offset", "pdm_open", "urban_driver")
 OF_OLD_DATA = ("gc_pgp", "pdm_offset", "urban_driver")
 """Those that have yet to learn from the newer, larger data."""
 AS_PUBLISHED = ("pdm_offset", "pdm_open")

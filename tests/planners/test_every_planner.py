@@ -22,7 +22,7 @@ from tests.planners.staging_planners import driven
 
 PLANNERS = ("foresight", "foresight?budget=fast", "idm", "idm_mobil", "idm_mobil?published=true", "pdm_closed")
 DRIVERS = ("foresight", "foresight?budget=fast", "idm", "idm_mobil", "pdm_closed")
-LEARNED = ("dtpp", "gameformer", "gc_pgp", "pdm_hybrid", "pdm_open", "urban_driver")
+LEARNED = ("dtpp", "flow_drive", "gameformer", "gc_pgp", "pdm_hybrid", "pdm_open", "urban_driver")
 """May drive badly, but must plan."""
 NEEDS_ONNX = pytest.mark.skipif(find_spec("onnxruntime") is None, reason="needs onnxruntime: the extra [learned]")
 ALL = (

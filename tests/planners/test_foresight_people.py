@@ -117,7 +117,7 @@ def stepping_out(at_s: float, speed_mps: float) -> Callable[[float], Actors]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("at_s", [3.0, 4.0, 4.4, 4.8, 5.1])
+@pytest.mark.parametrize("at_s", [3.0, 4.4, 5.1])
 def test_whoever_steps_out_is_not_hit(at_s: float) -> None:
     states = foresee(ALONG, ego(30.0, 0.0, 11.0), stepping_out(at_s, 1.4), seconds=12.0)  # which looks at every touch
     assert states[-1].x_m > END_M
@@ -134,8 +134,8 @@ def stopping(until_m: float) -> Callable[[float], Actors]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("until_m", [-1.5, -0.8, 0.0, 0.8, 1.5])
-@pytest.mark.parametrize("x_m", [26.0, 32.0, 38.0])
+@pytest.mark.parametrize("until_m", [-1.2, 0.0, 1.2])
+@pytest.mark.parametrize("x_m", [28.0, 36.0])
 def test_who_stops_midway_is_not_hit_whenever_that_is(until_m: float, x_m: float) -> None:
     front_m, _ = fronts(foresee(ALONG, ego(x_m, 0.0, 11.0), stopping(until_m), seconds=8.0))
     assert front_m[-1] > 65.0
