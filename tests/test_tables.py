@@ -35,7 +35,11 @@ def drives() -> dict[str, Drives]:
     return stored()
 
 
-@pytest.mark.parametrize("page", PAGES)
+LONG = ("docs/benchmark.md", "docs/endurance.md", "docs/hard_scenes.md")
+"""Pages whose figures take seconds, for they are drawn again many times."""
+
+
+@pytest.mark.parametrize("page", [pytest.param(page, marks=[pytest.mark.slow] * (page in LONG)) for page in PAGES])
 def test_each_figure_is_what_the_stored_drives_give(page: str, drives: dict[str, Drives]) -> None:
     text = (ROOT / page).read_text(encoding="utf-8")
     assert TABLE.search(text) is not None

@@ -171,6 +171,7 @@ def test_a_worse_perception_is_another_drive_whoever_does_it_and_comes_again(tmp
     assert rescore(here, "interplan-strict")[1][0].endswith("delete its line in results.jsonl and repeat the run")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", [0, 1])
 def test_scoring_again_gives_the_same_scores_without_simulating_whoever_does_it(
     workers: int, official: StoredRun

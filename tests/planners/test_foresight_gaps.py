@@ -154,6 +154,7 @@ def test_who_accelerates_hard_goes_on_so_for_a_while_unless_it_is_ahead(
 # --- the end of a lane -----------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_it_waits_for_a_gap_before_its_lane_leaves_the_route() -> None:
     row = cars(*((x, 0.0, 8.0) for x in np.arange(-60.0, 260.0, 9.0).tolist()))
     states = foresee(TASK, ego_on(FORK, "12", 120.0, 9.0), row, seconds=14.0)
@@ -253,6 +254,7 @@ def test_it_keeps_its_lane_when_what_it_waited_to_pass_goes_on() -> None:
     assert states[-1].x_m > 100.0 - 312.0
 
 
+@pytest.mark.slow
 def test_it_gives_up_a_pass_on_the_oncoming_lane_when_what_it_was_to_pass_is_gone() -> None:
     roads = junction(arm_m=300.0, limit_mps=10.0)
     middle_m = -WIDTH_M / 2
@@ -307,6 +309,7 @@ def test_who_stands_with_its_rear_in_the_junction_may_change_lanes_once_its_midd
     assert ("change" in [option.candidate.kind for option in options]) == may
 
 
+@pytest.mark.slow
 def test_who_stood_in_the_lane_that_it_changed_to_changes_on_when_there_is_a_gap() -> None:
     """From the third lane to the second before the end, where it waits: the first is full for twelve seconds."""
     roads = straight_road(lanes=3, length_m=400.0, limit_mps=10.0, cuts_m=((END_M, END_M + 12.0),))

@@ -41,6 +41,7 @@ def proposed(planner: PdmProposalsPlanner, start: EgoState, actors: Actors | Non
     return max(counts)
 
 
+@pytest.mark.slow
 def test_it_changes_to_the_goal_lane_and_stays_there() -> None:
     states = drive(TO_THE_RIGHT, ego(20.0, 0.0, 9.0), seconds=12.0)
     assert states[-1].y_m == pytest.approx(-WIDTH_M, abs=0.3)
@@ -56,6 +57,7 @@ def test_it_does_not_change_before_somebody_who_would_have_to_brake_hard(
     assert (abs(states[-1].y_m) > 0.3) == goes
 
 
+@pytest.mark.slow
 def test_around_what_stands_on_its_lane_it_goes_by_the_lane_beside_and_back() -> None:
     states = drive(mission(TWO, ("11",), goal_arc_m=300.0), ego(20.0, 0.0, 9.0), cars((90.0, 0.0)), seconds=25.0)
     assert min(state.y_m for state in states) < -2.0
@@ -63,6 +65,7 @@ def test_around_what_stands_on_its_lane_it_goes_by_the_lane_beside_and_back() ->
     assert states[-1].y_m == pytest.approx(0.0, abs=0.4)
 
 
+@pytest.mark.slow
 def test_within_its_lane_it_keeps_away_from_what_reaches_into_it() -> None:
     parked = cars((80.0, -WIDTH_M - 1.8), width_m=1.6)
     states = drive(mission(TWO, ("12",), goal_arc_m=200.0), ego(20.0, -WIDTH_M, 8.0), parked, seconds=12.0)
@@ -103,6 +106,7 @@ def test_options_that_cannot_be_are_refused(change: dict[str, object], says: str
         PdmProposalsSettings(**change)  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_it_changes_on_a_free_road_only_because_a_change_left_to_the_goal_costs() -> None:
     def farthest_m(settings: PdmProposalsSettings) -> float:
         return max(
