@@ -11,13 +11,12 @@ from interplan_sumo.batch.briefs import Brief
 from interplan_sumo.batch.records import Row
 from interplan_sumo.endurance.formats import rate_text
 from interplan_sumo.endurance.rate_sample import MeasureKey
-from interplan_sumo.report.table import Cell, Line, ResultsTable, unsafe_share
+from interplan_sumo.report.table import ResultsTable, unsafe_share
 from interplan_sumo.statistics.event_rates import Floats
+from tools.cells import DRIVEN, RARE, by_family, cell_text, points
 from tools.hard_scores import tau
 from tools.kilometres import drawn_rates, rates
 
-DRIVEN: Final = "ordinary"
-"""The column of ordinary driving."""
 ORDERED: Final[Mapping[MeasureKey, str]] = {
     "at_fault_collision": "at-fault collisions", "near_miss": "near misses", "hard_braking": "hard braking caused",
     "stall": "stalls",
@@ -38,7 +37,7 @@ def kilometres_suites(rare: ResultsTable, ordinary: ResultsTable) -> list[str]:
     everyday = {line.planner: line.cells for line in ordinary.lines}
     for name in sorted(collisions, key=lambda name: -collisions[name].per_1000_km):
         told = (rate_text(collisions[name]), rate_text(braking[name]))
-        cells = (scenes[name]["interplan"], scenes[name]["unsafe_share"])
+        cells = (scenes[name][RARE], scenes[name]["unsafe_share"])
         driven = cell_text(everyday[name][DRIVEN]) if name in everyday else "-"
         lines.append(" | ".join((f"`{name}`", *told, *map(cell_text, cells), driven)))
     return lines
@@ -49,7 +48,7 @@ def kilometres_order(rare: ResultsTable, ordinary: ResultsTable) -> list[str]:
     lines = ["fewest per kilometre of | rare: score | rare: unsafe % | ordinary: score", "---|---|---|---"]
     rng = np.random.default_rng(0)
     names = sorted(rates("at_fault_collision").keys() & {line.planner for line in ordinary.lines})
-    columns = [_scenes(table, names, of) for table, of in ((rare, _points), (rare, _safe), (ordinary, _points))]
+    columns = [_scenes(table, names, of) for table, of in ((rare, points), (rare, _safe), (ordinary, points))]
     for measure, title in ORDERED.items():
         told, drawn = rates(measure), drawn_rates(measure)
         found = -np.array([told[name].per_1000_km for name in names])
@@ -76,22 +75,5 @@ def _drawn_means(scenes: list[Floats], rng: np.random.Generator | None = None) -
     return np.concatenate(scenes, axis=1).mean(axis=1)
 
 
-def _points(row: Row) -> float:
-    return 100.0 * (row.score or 0.0)
-
-
 def _safe(row: Row) -> float:
     return -(unsafe_share(Brief.of(row)) or 0.0)
-
-
-def by_family(line: Line, of: Callable[[Row], float] = _points) -> list[list[float]]:
-    """Something of each drive of a planner, its points, by type and scene."""
-    found: dict[str, list[float]] = {}
-    for row in line.rows:
-        found.setdefault(row.family, []).append(of(row))
-    return list(found.values())
-
-
-def cell_text(cell: Cell) -> str:
-    """A figure of a table, or a dash."""
-    return "-" if cell.value is None else f"{cell.value:.0f}"

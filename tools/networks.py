@@ -9,7 +9,7 @@ from interplan_learned.card import Card, read_card
 from interplan_learned.network import shipped_cards
 from interplan_sumo.report.table import ResultsTable
 from interplan_sumo.world.csv_tables import read_table, write_table
-from tools.beside_scenes import DRIVEN, cell_text
+from tools.cells import DRIVEN, RARE, cell_text
 from tools.hard_scores import RESULTS
 
 PLAN_TIMES: Final = RESULTS / "plan_times.csv"
@@ -34,7 +34,7 @@ def networks(rare: ResultsTable, ordinary: ResultsTable) -> list[str]:
     lines.append(" | ".join(("constant velocity", *[""] * 4, *_errors(cards[0], "constant_velocity"), *[""] * 4)))
     scores = [
         {line.planner: cell_text(line.cells[key]) for line in table.lines}
-        for table, key in ((ordinary, DRIVEN), (rare, "interplan"))
+        for table, key in ((ordinary, DRIVEN), (rare, RARE))
     ]
     for card in sorted(cards, key=lambda card: _error(card, "val", "network")):
         name, training = DRIVES.get(card.planner, card.planner), card.training

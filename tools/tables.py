@@ -33,10 +33,11 @@ from interplan_sumo.report.paper_comparison import (
     published_figure,
     published_rows,
 )
-from interplan_sumo.report.table import PAPER_PROFILE, Line, ResultsTable, make_table
+from interplan_sumo.report.table import PAPER_PROFILE, ResultsTable, make_table
 from interplan_sumo.report.text import points_text
 from interplan_sumo.verification.solvers import SOLVED_SCORE
-from tools.beside_scenes import DRIVEN, by_family, cell_text, kilometres_order, kilometres_suites
+from tools.beside_scenes import kilometres_order, kilometres_suites
+from tools.cells import DRIVEN, FAMILIES, RARE, best_first, by_family, cell_text, family_titles, with_interval
 from tools.hard_scores import (
     HARD,
     ROOT,
@@ -60,9 +61,9 @@ from tools.kilometres import (
     kilometres_pilots,
     kilometres_weights,
 )
+from tools.language_models import HYBRID, choosers
 from tools.networks import networks, plan_times
 
-FAMILIES: Final = ("construction", "accident", "jaywalker", "nudge", "overtake", "ltd", "mtd", "htd")
 NAMES: Final[Mapping[str, str]] = {
     "foresight": "`foresight` (ours)", "gameformer": "`gameformer`, learned", "dtpp": "`dtpp`, learned",
     "idm_mobil?published=true": "`idm_mobil`, with the bugs of the published one",
@@ -71,14 +72,6 @@ SHORT: Final = (
     "foresight", "pdm_proposals", "idm_mobil", "pdm_closed", "gameformer", "idm", "idm_mobil?published=true", "dtpp",
 )  # fmt: skip
 """Whom README shows: one of each kind."""
-CHOOSERS: Final[Mapping[str, str]] = {
-    "random": "a coin, `model=random`", "rules": "a few rules, `model=rules`",
-    "embedded+tuned:hybrid": "the small model tuned for it, `model=embedded+tuned:hybrid`, not zero-shot",
-    "embedded": "the same model untuned, `model=embedded`, zero-shot",
-}  # fmt: skip
-"""Who chooses in `llm_hybrid`, by its option `model`."""
-HYBRID: Final = "llm_hybrid"
-NOBODY: Final = "pdm_closed"
 DRAWS: Final = 2000
 TABLE: Final = re.compile(r"<!-- table: ([a-z_]+) -->\n.*?<!-- end of table -->\n", re.DOTALL)
 
@@ -116,70 +109,50 @@ def _judged_by_paper(row: Row) -> Row:
 
 def short(drives: Drives) -> list[str]:
     """Scores of a few planners, for README."""
-    lines = ["planner | interPlan | " + " | ".join(_titles(drives.strict)), "---|" * 9 + "---"]
-    for line in _sorted(drives.strict):
+    lines = ["planner | interPlan | " + " | ".join(family_titles(drives.strict)), "---|" * 9 + "---"]
+    for line in best_first(drives.strict):
         if line.planner in SHORT:
             name = NAMES.get(line.planner, f"`{line.planner}`")
-            lines.append(" | ".join((name, *(cell_text(line.cells[key]) for key in ("interplan", *FAMILIES)))))
+            lines.append(" | ".join((name, *(cell_text(line.cells[key]) for key in (RARE, *FAMILIES)))))
     return lines
 
 
 def planners(drives: Drives) -> list[str]:
     """All planners, with intervals, shares and the paper's score."""
-    titles = ("planner", "interPlan", "done %", "unsafe %", "by paper", *_titles(drives.strict))
+    titles = ("planner", "interPlan", "done %", "unsafe %", "by paper", *family_titles(drives.strict))
     lines = [" | ".join(titles), "---|" * (len(titles) - 1) + "---"]
-    for line in _sorted(drives.strict):
-        rest = ("done_share", "unsafe_share", "paper_score", *FAMILIES)
-        lines.append(" | ".join((f"`{line.planner}`", _total(line), *(cell_text(line.cells[key]) for key in rest))))
-    return lines
-
-
-def choosers(drives: Drives) -> list[str]:
-    """Whoever chooses what PDM drives: language models, and what stands in for one."""
-    table = make_table([drives.run])
-    titles = ("who chooses", "interPlan", "done %", "unsafe %", *_titles(table), "asked", "in vain")
-    lines = [" | ".join(titles), "---|" * (len(titles) - 1) + "---"]
-    for line in _sorted(table):
-        name, options = split_spec(line.planner)
-        if name == HYBRID:
-            given = dict(option.split("=", 1) for option in options.split("&"))
-            who = CHOOSERS[given["model"]] + (", told its last decisions, `memory=true`" if "memory" in given else "")
-        elif line.planner == NOBODY:
-            who = f"nobody: `{NOBODY}`"
-        else:
-            continue
-        counts = (str(line.questions), str(line.unanswered)) if name == HYBRID else ("-", "-")
-        cells = (cell_text(line.cells[key]) for key in ("done_share", "unsafe_share", *FAMILIES))
-        lines.append(" | ".join((who, _total(line), *cells, *counts)))
+    for line in best_first(drives.strict):
+        cells = (cell_text(line.cells[key]) for key in ("done_share", "unsafe_share", "paper_score", *FAMILIES))
+        lines.append(" | ".join((f"`{line.planner}`", with_interval(line.cells[RARE]), *cells)))
     return lines
 
 
 def paper(drives: Drives) -> list[str]:
     """Ours by the paper's profile, and the published figures of the same methods in brackets."""
     published = _published()
-    titles = (f"by `{PAPER_PROFILE}`, ours (published)", "total", *_titles(drives.by_paper))
+    titles = (f"by `{PAPER_PROFILE}`, ours (published)", "total", *family_titles(drives.by_paper))
     lines = [" | ".join(titles), "---|" * (len(titles) - 1) + "---"]
-    for line in _sorted(drives.by_paper):
+    for line in best_first(drives.by_paper):
         if line.planner in published:
             row = published[line.planner]
-            cells = (f"{cell_text(line.cells[key])} ({published_figure(row, key)})" for key in ("interplan", *CELLS))
+            cells = (f"{cell_text(line.cells[key])} ({published_figure(row, key)})" for key in (RARE, *CELLS))
             lines.append(" | ".join((f"`{line.planner}`", *cells)))
     return lines
 
 
 def tracks(drives: Drives) -> list[str]:
     """What planners keep of their scores where scenes are made harder."""
-    return kept_tracks({line.planner: _total(line) for line in drives.strict.lines})
+    return kept_tracks({line.planner: with_interval(line.cells[RARE]) for line in drives.strict.lines})
 
 
 def ordinary(drives: Drives) -> list[str]:
     """All planners in ordinary driving: strict, by the paper, and what the paper has for Val14."""
     published, by_paper = _published(), {line.planner: line for line in drives.by_paper.lines}
     lines = ["planner | strict | by paper | published, Val14", "---|---|---|---"]
-    for line in sorted(drives.strict.lines, key=lambda line: -(line.cells[DRIVEN].value or 0.0)):
+    for line in best_first(drives.strict, DRIVEN):
         val14 = published_figure(published[line.planner], DRIVEN) if line.planner in published else "-"
         judged = cell_text(by_paper[line.planner].cells[DRIVEN])
-        lines.append(" | ".join((f"`{line.planner}`", _total(line, DRIVEN), judged, val14)))
+        lines.append(" | ".join((f"`{line.planner}`", with_interval(line.cells[DRIVEN]), judged, val14)))
     return lines
 
 
@@ -209,7 +182,7 @@ def learned(rare: Drives, ordinary: Drives) -> list[str]:
     keys = PUBLISHED_COLUMNS
     published = _published()
     lines = [" | ".join(("planner", *(titles[key] for key in keys))), "---|" * len(keys) + "---"]
-    for line in _sorted(table):
+    for line in best_first(table):
         lines.append(" | ".join((f"`{line.planner}`", *(cell_text(line.cells[key]) for key in keys))))
         if row := published.get(line.planner):
             lines.append(" | ".join((f"{row['planner']} (paper)", *(published_figure(row, key) for key in keys))))
@@ -222,7 +195,7 @@ def near_paper(drives: Drives) -> list[str]:
     assert near is not None
     lines = {line.planner: line for line in drives.by_paper.lines}
     scores = np.array([by_family(lines[COUNTERPARTS[name]]) for name in near.planners])
-    totals = np.array([published[name]["interplan"] for name in near.planners], dtype=np.float64)
+    totals = np.array([published[name][RARE] for name in near.planners], dtype=np.float64)
     rng = np.random.default_rng(0)
     ranks: list[float] = []
     apart: list[float] = []
@@ -255,7 +228,7 @@ def detectable(drives: Drives) -> list[str]:
 def hard(drives: Drives) -> list[str]:
     """Scores in the hard scenes that are shipped: of the panel, as the suite has them, and of who drove since."""
     shown, panel = shown_scores(drives.run), panel_scores()
-    titles = ("planner", "in the panel", "all", "solves, of 100", *_titles(drives.strict))
+    titles = ("planner", "in the panel", "all", "solves, of 100", *family_titles(drives.strict))
     lines = [" | ".join(titles), "---|" * (len(titles) - 1) + "---"]
     for name in sorted(shown, key=lambda name: -mean(shown[name])):
         solved = sum(score >= SOLVED_SCORE for scores in shown[name].values() for score in scores)
@@ -307,7 +280,7 @@ TABLES: Final[Mapping[str, tuple[Callable[..., list[str]], tuple[str, ...]]]] = 
     "learned": (learned, (SMALL, ORDINARY)),
     "networks": (lambda rare, ordinary: networks(rare.by_paper, ordinary.by_paper), (SMALL, ORDINARY)),
     "plan_times": (plan_times, ()),
-    "choosers": (choosers, (SMALL,)),
+    "choosers": (lambda rare: choosers(rare.run), (SMALL,)),
     "hard": (hard, (HARD,)),
     "halves": (halves, (HARD,)),
     "halves_order": (halves_order, (HARD,)),
@@ -334,20 +307,6 @@ PAGES: Final = (
 def stored() -> dict[str, Drives]:
     """The kept drives by suite."""
     return {suite: Drives(read_run(folder_of(suite))) for suite in (SMALL, LARGE, ORDINARY, HARD)}
-
-
-def _titles(table: ResultsTable) -> list[str]:
-    titles = {column.key: column.title for column in table.columns}
-    return [titles[key] for key in FAMILIES]
-
-
-def _sorted(table: ResultsTable) -> list[Line]:
-    return sorted(table.lines, key=lambda line: -(line.cells["interplan"].value or 0.0))
-
-
-def _total(line: Line, key: str = "interplan") -> str:
-    low, high = line.cells[key].interval or (0.0, 100.0)
-    return f"{cell_text(line.cells[key])} [{low:.0f}, {high:.0f}]"
 
 
 def written(page: str, drives: Mapping[str, Drives]) -> str:
