@@ -304,7 +304,7 @@ def test_who_stands_with_its_rear_in_the_junction_may_change_lanes_once_its_midd
     start, now = ego_on(roads, "12", 150.0, 5.0), ego(END_M + 12.0 + arc_m, -WIDTH_M)
     manoeuvres = Manoeuvres(mission(roads, ("11", "21", "31"), goal_arc_m=29.0), start, 13.0, 3.6)
     seen, nobody = observation(now), np.zeros(0, np.bool_)
-    scene = PlanningScene(seen, PACIFICA, Prediction(roads).traffic(seen, PACIFICA, 8.0), nobody, nobody)
+    scene = PlanningScene(seen, PACIFICA, Prediction(roads).traffic(seen, PACIFICA, 8.0), nobody, nobody, nobody)
     options, _ = manoeuvres.options(scene, manoeuvres.here(start))
     assert ("change" in [option.candidate.kind for option in options]) == may
 
@@ -351,7 +351,7 @@ def cost_of(center_m: float, mps: float, comes_s: float = 0.0) -> float:
     yes, no, nobody = np.ones(1, np.bool_), np.zeros(1, np.bool_), np.zeros((0, steps))
     stage = Stage(
         candidate, 100.0, np.full(400, 10.0), (), near, far, center, np.full((1, steps), mps),
-        there, no, yes, no, no, (inf, inf), None, None, nobody, nobody, np.zeros(0, np.bool_),
+        there, no, yes, no, no, no, no, (inf, inf), None, None, nobody, nobody, np.zeros(0, np.bool_),
     )  # fmt: skip
     return float(speed_costs([stage], drafts, PACIFICA, 10.0, 0.0)[0])
 
@@ -420,7 +420,7 @@ def passes(task: Mission, start: EgoState, *places: tuple[float, ...]) -> list[C
     roads, others = task.roads, cars(*places)
     manoeuvres = Manoeuvres(task, start, 13.0, 3.6)
     seen, no, yes = observation(start, others), np.zeros(len(places), np.bool_), np.ones(len(places), np.bool_)
-    scene = PlanningScene(seen, PACIFICA, Prediction(roads).traffic(seen, PACIFICA, 8.0), yes, no)
+    scene = PlanningScene(seen, PACIFICA, Prediction(roads).traffic(seen, PACIFICA, 8.0), yes, no, no)
     options, _ = manoeuvres.options(scene, manoeuvres.here(start))
     return [option.candidate for option in options if option.candidate.kind == "pass"]
 
@@ -444,7 +444,7 @@ def test_who_drives_on_beside_the_ego_that_passes_it_is_met_in_the_lane_that_it_
     now = ego(at.x_m + PACIFICA.rear_axle_to_center_m, at.y_m, 1.0)
     seen, no = observation(now, cars((now.x_m - 3.0, 0.0, mps))), np.zeros(1, np.bool_)
     traffic = Prediction(FORK).traffic(seen, PACIFICA, 8.0)
-    scene = PlanningScene(seen, PACIFICA, traffic, no, no)
+    scene = PlanningScene(seen, PACIFICA, traffic, no, no, no)
     back = way.returning()
     arc_m, _ = way.path.line.project_point(scene.axle.x_m, scene.axle.y_m)
     new_m, _ = way.base.line.project_point(scene.axle.x_m, scene.axle.y_m)

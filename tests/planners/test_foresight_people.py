@@ -11,15 +11,19 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from worlds import cars, ego, mission, observation, pedestrians, straight_road, together
+from worlds import cars, ego, mission, observation, pedestrians, signals, straight_road, together
 
-from interplan_planners.foresight.hidden_people import BETWEEN_M, LEAST_MPS, cautious_limits
+from interplan_planners.foresight.hidden_people import BETWEEN_M, LEAST_MPS, cautious_limits, hiders_near, safe_mps
 from interplan_planners.foresight.manoeuvres import Manoeuvres
 from interplan_planners.foresight.prediction import Prediction
 from interplan_planners.foresight.scene import PlanningScene
+from interplan_planners.foresight.static_classification import Stillness
+from interplan_sumo.planner import Past
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.ego import PACIFICA, EgoState
 from interplan_sumo.world.geometry import Floats
+from interplan_sumo.world.roads import Roads
+from interplan_sumo.world.signals import Signals
 from tests.planners.staging_planners import foresee
 
 WIDTH_M, LIMIT_MPS = 3.5, 12.0
@@ -37,20 +41,21 @@ def standing(beside_m: float = BESIDE_M, length_m: float = 4.6, end_m: float = E
     return cars((end_m - 0.5 * length_m, left_m, 0.0), length_m=length_m, width_m=2.0, prefix=name)
 
 
-def limits(*actors: Actors, **changed: Any) -> Floats:
+def limits(*actors: Actors, balk: bool = False, before: Actors | None = None, **changed: Any) -> Floats:
     """What the ego at x = 40 m allows itself on its lane, for each metre of x that its front bumper reaches.
 
-    `changed` is what is otherwise with its candidate than with one that keeps the lane.
+    Actors stay where they are, or balk, where they have been `before`. `changed` is what is otherwise with its
+    candidate than with one that keeps the lane.
     """
-    start = ego(40.0, 0.0, 8.0)
-    seen = observation(start, together(*actors))
-    count = len(seen.actors)
+    start, others = ego(40.0, 0.0, 8.0), together(*actors)
+    seen = observation(start, others, past=Past((start,) * 20, (others if before is None else before,) * 20))
+    yes, no = np.ones(len(others), np.bool_), np.zeros(len(others), np.bool_)
     traffic = Prediction(TWO).traffic(seen, PACIFICA, 8.0)
-    scene = PlanningScene(seen, PACIFICA, traffic, np.ones(count, np.bool_), np.zeros(count, np.bool_))
+    scene = PlanningScene(seen, PACIFICA, traffic, no if balk else yes, no, yes if balk else no)
     manoeuvres = Manoeuvres(ALONG, start, 13.0, 3.6)
     path = replace(manoeuvres.here(start), **changed)
     axle_m, _ = path.path.line.project_point(scene.axle.x_m, scene.axle.y_m)
-    allowed = cautious_limits(path, axle_m, scene)
+    allowed = cautious_limits(path, axle_m, scene, hiders_near(scene))
     x_m = np.arange(len(allowed)) - axle_m + scene.axle.x_m + PACIFICA.front_m
     return np.interp(np.arange(150.0), x_m, allowed)
 
@@ -93,13 +98,87 @@ def test_in_a_row_people_come_out_where_they_fit_through(gap_m: float, open_betw
 
 
 @pytest.mark.parametrize(
-    ("around", "over_m", "slow"), [(("car00",), 30.0, False), (("car00",), inf, True), (("other",), 30.0, True)]
+    ("over_m", "leaves_m", "settles_m", "slow"),
+    [(30.0, 60.0, 120.0, False), (inf, 60.0, 120.0, True), (30.0, 105.0, 120.0, True), (30.0, 60.0, 90.0, True)],
 )
 def test_only_what_it_passes_on_a_lane_of_others_does_not_make_it_slow(
-    around: tuple[str, ...], over_m: float, slow: bool
+    over_m: float, leaves_m: float, settles_m: float, slow: bool
 ) -> None:
-    allowed = limits(standing(-BESIDE_M), kind="pass", around=around, over_m=over_m)
+    allowed = limits(standing(-BESIDE_M), kind="pass", over_m=over_m, leaves_m=leaves_m, settles_m=settles_m)
     assert (allowed.min() < 5.0) == slow
+
+
+# --- who brakes for somebody -----------------------------------------------------------------------
+
+
+def brakes(
+    mps: float, by_mps2: float, x_m: float = 60.0, y_m: float = -WIDTH_M, name: str = "b"
+) -> tuple[Actors, Actors]:
+    """Somebody on the lane beside now, and half a second before."""
+    return cars((x_m, y_m, mps), prefix=name), cars((x_m - 0.5 * mps, y_m, mps + 0.5 * by_mps2), prefix=name)
+
+
+def balking(
+    now: Actors, before: Actors, roads: Roads = TWO, signals: Signals | None = None, memory: Stillness | None = None,
+    time_s: float = 5.0,
+) -> list[bool]:  # fmt: skip
+    """Who balks."""
+    start = replace(ego(20.0, 0.0, 8.0), time_s=time_s)
+    seen = observation(start, now, signals, past=Past((start,) * 20, (before,) * 20))
+    prediction = Prediction(roads)
+    _, _, found = (memory or Stillness()).found(seen, prediction.traffic(seen, PACIFICA, 8.0), prediction)
+    return found.tolist()
+
+
+@pytest.mark.parametrize(("mps", "by_mps2", "does"), [
+    (9.0, 4.0, True), (9.0, 2.2, True), (9.0, 1.8, False), (9.0, 0.0, False), (2.0, 0.0, True), (2.0, -1.5, False),
+    (3.4, 0.0, False), (0.0, 3.0, True),
+])  # fmt: skip
+def test_who_brakes_hard_or_crawls_on_a_free_road_balks(mps: float, by_mps2: float, does: bool) -> None:
+    assert balking(*brakes(mps, by_mps2)) == [does]
+
+
+def test_who_has_a_reason_to_brake_does_not_balk() -> None:
+    now, before = brakes(9.0, 4.0)
+    assert balking(together(now, cars((75.0, -WIDTH_M, 4.0), prefix="lead")), before)[0] is False
+    assert balking(together(now, cars((95.0, -WIDTH_M, 9.0), prefix="lead")), before)[0] is True
+    now, before = brakes(9.0, 4.0, x_m=330.0, y_m=0.0)
+    lit = straight_road(lanes=1, length_m=400.0, limit_mps=LIMIT_MPS, cuts_m=((350.0, 365.0),))
+    for lights in (signals(red=("21",)), signals(yellow=("21",))):
+        assert balking(now, before, lit, lights) == [False]
+
+
+@pytest.mark.parametrize("lane_m", [100.0, 350.0])
+def test_who_stands_at_a_red_light_waits_however_long_its_lane_is(lane_m: float) -> None:
+    roads = straight_road(lanes=1, length_m=lane_m + 60.0, limit_mps=LIMIT_MPS, cuts_m=((lane_m, lane_m + 15.0),))
+    waits, start, prediction = cars((lane_m - 4.0, 0.0)), ego(lane_m - 40.0), Prediction(roads)
+    for lights, stays in ((signals(red=("21",)), False), (signals(green=("21",)), True)):
+        seen = observation(start, waits, lights, past=Past((start,) * 20, (waits,) * 20))
+        found, _, _ = Stillness().found(seen, prediction.traffic(seen, PACIFICA, 8.0), prediction)
+        assert found.tolist() == [stays]
+
+
+def test_for_two_seconds_after_that_who_is_slow_still_may_have_a_reason() -> None:
+    memory = Stillness()
+    assert balking(*brakes(6.0, 4.0), memory=memory, time_s=5.0) == [True]
+    assert balking(*brakes(4.0, -2.0), memory=memory, time_s=6.9) == [True]
+    assert balking(*brakes(5.5, -2.0), memory=memory, time_s=6.9) == [False]
+    assert balking(*brakes(4.0, -2.0), memory=memory, time_s=7.1) == [False]
+
+
+@pytest.mark.parametrize(("mps", "stops_m"), [(8.0, 8.0), (4.0, 2.0)])
+def test_who_brakes_beside_the_ego_hides_people_before_where_it_will_stand(mps: float, stops_m: float) -> None:
+    now, before = brakes(mps, 4.0)
+    allowed = limits(now, before=before, balk=True)
+    front_m = 60.0 + 0.5 * float(now.length_m[0]) + stops_m
+    assert allowed[int(front_m) - 1] == pytest.approx(
+        float(safe_mps(np.array(WIDTH_M - 0.5 * now.width_m), 0.5 * PACIFICA.width_m, PACIFICA.front_m)[0]), abs=0.3
+    )
+    assert allowed[int(front_m) + 3] == pytest.approx(LIMIT_MPS)
+    towards = cars((60.0, -WIDTH_M, 6.0, np.pi))
+    assert limits(towards, before=before, balk=True).min() == pytest.approx(LIMIT_MPS)
+    leads = cars((60.0, 0.0, 4.0))
+    assert limits(leads, before=leads, balk=True).min() == pytest.approx(LIMIT_MPS)
 
 
 # --- in closed loop --------------------------------------------------------------------------------

@@ -41,7 +41,7 @@ HALF_M, HALF_WIDTH_M = PACIFICA.length_m / 2, PACIFICA.width_m / 2
 def places(start: EgoState, actors: Actors) -> Floats:
     """Fronts of cars that may be hidden on the left lane, by x."""
     seen, no = observation(start, actors), np.zeros(len(actors), np.bool_)
-    scene = PlanningScene(seen, PACIFICA, Prediction(TWO).traffic(seen, PACIFICA, 8.0), no, no)
+    scene = PlanningScene(seen, PACIFICA, Prediction(TWO).traffic(seen, PACIFICA, 8.0), no, no, no)
     base = Manoeuvres(TO_THE_LEFT, start, 13.0, 3.6).base(0, "11")
     axle_m, _ = base.line.project_point(scene.axle.x_m, scene.axle.y_m)
     found = hidden_places(scene, base, axle_m)

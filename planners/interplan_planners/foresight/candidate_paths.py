@@ -37,6 +37,8 @@ BRAKING_MPS2 = 1.3
 """With which the ego slows down for bends and lower limits."""
 BEND_WINDOW_M = 4.0
 STEEPEST_RAD = 0.5
+BACK_SHARE = 0.6
+"""Of the way back: from there on nothing of the ego is in the oncoming lane any more."""
 IN_LANE = 0.8
 """Share of a change after which all of the ego is in the new lane."""
 DRAWN_M = 2.6
@@ -129,6 +131,11 @@ class CandidatePath:
     """The lane of the same direction that it enters, if it does."""
     merged_m: float = 0.0
     """Arc length of the path from which on all of the ego is in that lane."""
+
+    @property
+    def back_m(self) -> float:
+        """Of a pass: arc length from which on nothing of the ego is in the oncoming lane any more."""
+        return self.beside_m[1] + BACK_SHARE * (self.settles_m - self.beside_m[1])
 
     def returning(self) -> CandidatePath:
         """A pass that is beside what it passes: the lane that it enters next is its own again."""

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from interplan_planners.foresight.drivers import REACTION_S, answers_mps2, minded
-from interplan_planners.foresight.prediction import ACCELERATION_MPS2, STEP_S
+from interplan_planners.foresight.hidden_people import ANSWERED_S
+from interplan_planners.foresight.prediction import STEP_S
 from interplan_planners.foresight.speeds import Drafts
 from interplan_planners.foresight.st_obstacles import Stage
 from interplan_planners.foresight.unseen import ONE_IN_M, PLACE_M, HiddenPlaces, comes_next, fronts_then
@@ -22,7 +23,7 @@ WHOLE_SHARE, HALF_SHARE = 0.8, 0.4
 SLOWEST_REFERENCE_MPS = 3.0
 HIT, HIT_FADES_S = 120.0, 6.0
 """For running into somebody, now; it fades with the time until then, for forecasts get worse."""
-PAUSES, PAUSE_MPS2, ANSWERED_S, SPARE_M = 20.0, (3.0, 6.0), 0.3, 0.5
+PAUSES, PAUSE_MPS2, SPARE_M = 20.0, (3.0, 6.0), 0.5
 """Per second in which the ego could not stop for somebody on foot before it who stopped then: this time later and that
 far away, it takes no more than the first deceleration, and cannot with more than the second."""
 UNSEEN = 16.0
@@ -34,7 +35,7 @@ EFFORT = 0.12
 HARD, HARD_MPS2 = 6.0, 3.9
 """For braking harder than passengers accept."""
 FORCED = 40.0
-"""For making everybody brake hard who could be behind."""
+"""For making everybody brake hard who could be behind, or whoever comes towards the ego."""
 SOON_S = 2.0
 """So long it matters that some drivers accelerate harder than others; and how soon an entry has to be to be asked what
 those do who are not seen."""
@@ -82,6 +83,11 @@ def speed_costs(
         cost[rows] += faded(HIT, np.where(struck, time_s[any_hit.argmax(axis=1)], np.inf), HIT_FADES_S)
         near = np.any(_hits(stage, front + CLOSE_FRONT_S * v, rear, settled, CLOSE_M, CLOSE_M), axis=2)
         cost[rows] += CLOSE * near.mean(axis=1) * np.where(struck, 0.0, 1.0)
+        if stage.forced.any():
+            near, far = stage.near_m[stage.forced].T, stage.far_m[stage.forced].T
+            met = np.any((front[:, :, None] > near) & (rear[:, :, None] < far), axis=2)
+            when_s = np.where(met.any(axis=1), time_s[met.argmax(axis=1)], np.inf)
+            cost[rows] += np.where(struck, 0.0, faded(FORCED, when_s, HIT_FADES_S))
         if stage.walks.any():
             cost[rows] += PAUSES * _cannot_stop_s(stage, front, v)
         if stage.unseen is not None:
@@ -136,6 +142,12 @@ def _answered(stage: Stage, s: Floats, v: Floats, shape: EgoShape) -> Floats:
         rear_m = s[rows, at] - (shape.length_m - shape.front_m)
         answers = _answers_mps2(stage, at, rear_m, v[rows, at], shape.length_m)
         cost = np.maximum(cost, FORCED * minded(answers).max(axis=1, initial=0.0))
+    # whoever comes past with its front beside the ego when that reaches over brakes at once
+    over = (s >= stage.enters_m[1]).argmax(axis=1)
+    front_m, their_m = s[rows, over] + shape.front_m, stage.far_m[stage.follower][:, over]
+    beside = (their_m < front_m) & (their_m > front_m - shape.length_m)
+    squeezed = (beside & (stage.speed_mps[stage.follower][:, over] > v[rows, over])).any(axis=0) & (over > 0)
+    cost = np.maximum(cost, np.where(squeezed, FORCED, 0.0))
     astride = s[:, -1] < stage.candidate.merged_m
     return np.where(s[:, -1] >= stage.enters_m[0], cost + np.where(astride, ASTRIDE, 0.0), 0.0)
 
@@ -176,8 +188,7 @@ def _answers_mps2(stage: Stage, at: Ints, rear_m: Floats, ego_mps: Floats, lengt
     # what those who accelerate have gained until then; of what comes later more will be known. Of those who are seen to
     # accelerate harder the forecast has it
     soon = np.minimum(at, round(SOON_S / STEP_S))
-    eager = mps[:, 1] - mps[:, 0] > STEP_S * ACCELERATION_MPS2 + 1e-6
-    seen = behind & (known[:, 0] & ~eager) & known[:, soon].T
+    seen = behind & (known[:, 0] & ~stage.eager[lane]) & known[:, soon].T
     faster_mps = np.where(seen, np.maximum(mps[:, soon].T - mps[:, 0], 0.0), 0.0)
     farther_m = np.where(seen, far_m[:, soon].T - far_m[:, 0] - mps[:, 0] * (STEP_S * soon)[:, None], 0.0)
     gap_m = np.where(behind, rear_m[:, None] - far_m[:, at].T, NOBODY_M)

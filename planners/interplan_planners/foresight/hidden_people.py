@@ -7,12 +7,14 @@ stop for whom it sees then, or be past before they are there, but no slower than
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import inf
 
 import numpy as np
+from numpy.typing import NDArray
 
 from interplan_planners.foresight.candidate_paths import BRAKING_MPS2, CandidatePath
-from interplan_planners.foresight.scene import PlanningScene
+from interplan_planners.foresight.scene import PlanningScene, corners_along
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.geometry import Floats
 
@@ -30,26 +32,48 @@ LEAST_MPS, SPARE_M = 4.6, 2.5
 """It is never slower than that for people whom nobody has seen, and so slow this far before it need be."""
 SHORTEST_M = 1.0
 """What is shorter hides nobody."""
+ALONG_COS, STOPS_MPS2 = 0.5, 2.0
+"""Of those who balk the ones that drive as the ego does count; and how they brake at least until they stand."""
 
 
-def cautious_limits(candidate: CandidatePath, arc_m: float, scene: PlanningScene) -> Floats:
+@dataclass(frozen=True, slots=True, eq=False)
+class Hiders:
+    """Boxes that hide people, or will where they come to stand."""
+
+    corners: Floats
+    """(n, 4, 2) now."""
+    goes_on_m: Floats
+    """(n,) how far they go on until then."""
+    stays: NDArray[np.bool_]
+    """(n,) who stands there for good."""
+
+
+def hiders_near(scene: PlanningScene) -> Hiders:
+    """Vehicles near the ego that stay where they are, or balk: who brakes for nobody that is seen sees somebody."""
+    actors, ego = scene.traffic.actors, scene.ego
+    near = np.hypot(actors.x_m - ego.x_m, actors.y_m - ego.y_m) < SEEN_M
+    with_ego = np.cos(actors.heading_rad - ego.heading_rad) > ALONG_COS
+    rows = np.flatnonzero(near & (actors.kind == ActorKind.VEHICLE) & (scene.stays | (scene.balks & with_ego)))
+    speed_mps, braking_mps2 = actors.speed_mps[rows], np.maximum(-scene.traffic.changes_mps2[rows], STOPS_MPS2)
+    return Hiders(actors.corners[rows], speed_mps**2 / (2.0 * braking_mps2), scene.stays[rows])
+
+
+def cautious_limits(candidate: CandidatePath, arc_m: float, scene: PlanningScene, hiders: Hiders) -> Floats:
     """(S,) the limits of a candidate, lowered before where people may step out; the ego's rear axle is at `arc_m`."""
-    limit, shape, actors = candidate.limit_mps, scene.shape, scene.traffic.actors
-    near = np.hypot(actors.x_m - scene.ego.x_m, actors.y_m - scene.ego.y_m) < SEEN_M
-    hides = scene.stays & near & (actors.kind == ActorKind.VEHICLE)
-    if candidate.kind == "pass" and (candidate.new is not None or candidate.over_m < inf):
-        hides &= ~np.isin(actors.ids, candidate.around)  # to be slow on a lane of others has a price of its own
-    rows = np.flatnonzero(hides)
-    if not rows.size:
+    limit, shape = candidate.limit_mps, scene.shape
+    if not len(hiders.corners):
         return limit
-    corners = actors.corners[rows]
-    s, d = (of.reshape(-1, 4) for of in candidate.path.project(corners[..., 0].ravel(), corners[..., 1].ravel()))
-    first_m, last_m, away_m = s.min(axis=1), s.max(axis=1), np.abs(d).min(axis=1)
+    s, d = corners_along(candidate.path, hiders.corners)
+    first_m, last_m, away_m = s.min(axis=1), s.max(axis=1) + hiders.goes_on_m, np.abs(d).min(axis=1)
     # who stands close behind in the same row closes the way out
     left, next_m = d.mean(axis=1) > 0.0, last_m[:, None] + BETWEEN_M
     closed = (left[:, None] == left) & (first_m > first_m[:, None]) & (first_m < next_m) & (last_m > last_m[:, None])
     most_mps = np.maximum(safe_mps(away_m, 0.5 * shape.width_m, shape.front_m), LEAST_MPS)
     matters = (last_m > arc_m) & (last_m - first_m > SHORTEST_M) & ~closed.any(axis=1) & (most_mps < limit.max())
+    matters &= hiders.stays | (away_m > 0.5 * shape.width_m)  # behind who drives before the ego nobody comes out
+    if candidate.kind == "pass" and (candidate.new is not None or candidate.over_m < inf):
+        # to be slow on a lane of others has a price of its own
+        matters &= (last_m < candidate.leaves_m) | (last_m > candidate.settles_m)
     if not matters.any():
         return limit
     last_m, most_mps = last_m[matters, None], most_mps[matters, None]

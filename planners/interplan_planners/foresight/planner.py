@@ -19,7 +19,7 @@ from interplan_planners.foresight.caution import gap_wait_m, red_stops, soonest_
 from interplan_planners.foresight.checking import CHECKED_S, TRACKED_AHEAD_S, checked_costs, finer
 from interplan_planners.foresight.costs import speed_costs
 from interplan_planners.foresight.foreseen import KEPT_S, Budget, Foreseen
-from interplan_planners.foresight.hidden_people import cautious_limits
+from interplan_planners.foresight.hidden_people import cautious_limits, hiders_near
 from interplan_planners.foresight.manoeuvres import NEW_LANE_M, ManoeuvreOption, Manoeuvres
 from interplan_planners.foresight.merging import leads_beside, prospects, wished_changes
 from interplan_planners.foresight.prediction import MOVING_MPS, STEP_S, Prediction
@@ -282,7 +282,7 @@ class ForesightPlanner:
         present = candidates[0]
         tail = _tail(scene, present.old if present.old is not None else present.base)
         beside_of: dict[int, tuple[StripOccupancy, HiddenPlaces]] = {}
-        found: list[Stage] = []
+        hiders, found = hiders_near(scene), list[Stage]()
         for candidate in candidates:
             arc_m, _ = candidate.path.line.project_point(axle.x_m, axle.y_m)
             at_m, _ = candidate.base.line.project_point(axle.x_m, axle.y_m)
@@ -304,7 +304,7 @@ class ForesightPlanner:
                 stops_m.append(soonest_stop_m(front_m, scene.speed_mps))
             if candidate.kind == "keep" and blocked is not None and candidate.base is blocked.base:
                 stops_m.append(waiting_m(blocked, front_m, scene.speed_mps, shape))
-            limit_mps = cautious_limits(candidate, arc_m, scene)
+            limit_mps = cautious_limits(candidate, arc_m, scene, hiders)
             stops_m = [stop_m + arc_m - at_m for stop_m in stops_m]
             found.append(staged(candidate, arc_m, limit_mps, stops_m, scene, tail, reach_m, beside, hidden))
         return found

@@ -23,8 +23,8 @@ from interplan_sumo.world.signals import SignalStatus
 STEP_S = 0.2
 MOVING_MPS = 0.3
 """Slower ones are taken to stay where they are."""
-CHAIN_M = 160.0
-"""How far ahead a lane is followed."""
+CHAIN_M = 120.0
+"""How far beyond its end a lane is followed."""
 LARGEST_TURN_RAD = 1.0
 """Who is turned more than this to every lane under it keeps to none."""
 FALLBACK_LIMIT_MPS = 14.0
@@ -36,7 +36,8 @@ RELAXED_MPS2 = 0.4
 NOT_FASTER_MPS2, STARTED_MPS = 0.1, 3.0
 """What those before the ego accelerate at most once they are faster than the second."""
 BEND_MPS2 = 3.0
-BRAKING_FRAMES, PAST_STEP_S = 5, 0.1
+CHANGE_FRAMES, PAST_STEP_S = 5, 0.1
+"""Over so much of the past it is seen who accelerates or brakes."""
 GOES_ON_S, NOTED_BRAKING_MPS2, MOST_EAGER_MPS2 = 2.0, -0.6, 4.0
 """Who brakes harder than the second goes on braking for some time; so does who accelerates harder than is usual."""
 TURNED_FOR_S = 1.6
@@ -76,6 +77,12 @@ class PredictedTraffic:
     """(A,) offset to its left."""
     turned_rad: Floats
     """(A,) heading relative to it."""
+    changes_mps2: Floats
+    """(A,) accelerations of late."""
+    expected_mps2: Floats
+    """(A,) accelerations that lane, red lights and those ahead ask for; -inf for who follows no lane, or stands."""
+    eager: NDArray[np.bool_]
+    """(A,) who is forecast to go on accelerating harder than is usual."""
 
 
 class Prediction:
@@ -103,14 +110,13 @@ class Prediction:
 
     def _followed(self, lane_id: str) -> Chain:
         roads = self._roads
-        lanes = [lane_id]
-        length_m = roads[lane_id].centerline.length_m
-        while length_m < CHAIN_M:
+        lanes, beyond_m = [lane_id], 0.0
+        while beyond_m < CHAIN_M:
             ahead = [i for i in roads.outgoing(lanes[-1]) if i not in lanes]
             if not ahead:
                 break
             lanes.append(straightest(roads, ahead))
-            length_m += roads[lanes[-1]].centerline.length_m
+            beyond_m += roads[lanes[-1]].centerline.length_m
         line = centerline(roads, lanes)
         starts_m = np.concatenate(([0.0], np.cumsum([roads[i].centerline.length_m for i in lanes])[:-1]))
         own = [limit for i in lanes if (limit := roads[i].speed_limit_mps)]
@@ -139,14 +145,18 @@ class Prediction:
         speeds = np.repeat(np.where(backs, -speed, np.where(still, 0.0, speed))[:, None], steps + 1, axis=1)
 
         rows = np.flatnonzero(follows)
+        changes_mps2, expected_mps2 = _changes_mps2(observation), np.full(len(actors), -inf)
+        leads = _leads_ego(observation)
+        eager = follows & ~leads & (changes_mps2 > ACCELERATION_MPS2)
         if rows.size:
             queue = self._queue(observation, shape, rows, lane_of, arc_m, left_m, speed)
-            changes_mps2 = _changes_mps2(observation, rows)
-            leads = _leads_ego(observation, rows)
-            eager_mps2 = np.clip(np.where(leads, 0.0, changes_mps2), ACCELERATION_MPS2, MOST_EAGER_MPS2)
-            most_mps2 = np.where(leads, NOT_FASTER_MPS2, inf)
-            braking_mps2 = np.where(changes_mps2 < NOTED_BRAKING_MPS2, changes_mps2, inf)
-            moved_m, along_mps = _rolled(queue, arc_m[rows], speed[rows], eager_mps2, most_mps2, braking_mps2, steps)
+            changes = changes_mps2[rows]
+            eager_mps2 = np.where(eager[rows], np.minimum(changes, MOST_EAGER_MPS2), ACCELERATION_MPS2)
+            most_mps2 = np.where(leads[rows], NOT_FASTER_MPS2, inf)
+            braking_mps2 = np.where(changes < NOTED_BRAKING_MPS2, changes, inf)
+            start_m, start_mps, gap_m = arc_m[rows], speed[rows], np.maximum(queue.gap_m, 0.5)
+            expected_mps2[rows] = queue.asks_mps2(start_m, start_mps, gap_m, queue.lead_mps, ACCELERATION_MPS2)
+            moved_m, along_mps = _rolled(queue, start_m, start_mps, eager_mps2, most_mps2, braking_mps2, steps)
             speeds[rows] = along_mps
             by_lane: dict[str, list[int]] = {}
             for place, row in enumerate(rows.tolist()):
@@ -169,7 +179,9 @@ class Prediction:
                 heading[here] = towards + turned_rad[here, None] * fading
         is_agent = actors.kind <= ActorKind.BICYCLE
         forecast = Forecast(actors.ids, is_agent, actors.length_m, actors.width_m, x_m, y_m, heading, speeds, STEP_S)
-        return PredictedTraffic(actors, forecast, lane_of, arc_m, left_m, turned_rad)
+        return PredictedTraffic(
+            actors, forecast, lane_of, arc_m, left_m, turned_rad, changes_mps2, expected_mps2, eager
+        )
 
     def _places(self, actors: Actors) -> tuple[tuple[str | None, ...], Floats, Floats, Floats]:
         """Per actor: the lane under it whose direction fits best, where on it, how far beside it, how turned."""
@@ -262,6 +274,17 @@ class _Queue:
     limit_mps: Floats  # (R,)
     bend_mps: Floats  # (R, S) what bends allow, for each metre of the driver's chain
 
+    def asks_mps2(
+        self, at_m: Floats, v: Floats, gap_m: Floats, lead_mps: Floats, acceleration_mps2: Floats | float
+    ) -> Floats:
+        """(R,) the IDM's accelerations of drivers at arc lengths of their chains, behind whoever leads each of them."""
+        softness = 2.0 * sqrt(ACCELERATION_MPS2 * BRAKING_MPS2)
+        metres = np.minimum(at_m.astype(np.int64), self.bend_mps.shape[1] - 1)
+        bend = self.bend_mps[np.arange(len(v)), metres]
+        wanted = np.maximum(MIN_GAP_M + v * HEADWAY_S + v * (v - lead_mps) / softness, 0.0)
+        free = (v / np.maximum(np.minimum(self.limit_mps, bend), 0.5)) ** 4
+        return acceleration_mps2 * (1.0 - np.minimum(free, 4.0) - (wanted / gap_m) ** 2)
+
 
 def _rolled(
     queue: _Queue,
@@ -277,21 +300,17 @@ def _rolled(
     For a while its acceleration is `eager_mps2` (R,), and those who brake go on with `braking_mps2` (R,). Nobody ever
     accelerates harder than `most_mps2` (R,).
     """
-    count, softness = len(start_m), 2.0 * sqrt(ACCELERATION_MPS2 * BRAKING_MPS2)
-    foreign, lead, own = queue.lead == count, np.minimum(queue.lead, count - 1), np.arange(count)
+    count = len(start_m)
+    foreign, lead = queue.lead == count, np.minimum(queue.lead, count - 1)
     moved, v = np.zeros(count), speed_mps.copy()
     moved_m, along_mps = np.zeros((steps + 1, count)), np.empty((steps + 1, count))
     along_mps[0] = v
-    last = queue.bend_mps.shape[1] - 1
     for k in range(1, steps + 1):
         lead_moved = np.where(foreign, queue.lead_mps * (k - 1) * STEP_S, moved[lead])
         lead_v = np.where(foreign, queue.lead_mps, v[lead])
         gap = np.maximum(queue.gap_m + lead_moved - moved, 0.5)
-        wanted = np.maximum(MIN_GAP_M + v * HEADWAY_S + v * (v - lead_v) / softness, 0.0)
-        bend = queue.bend_mps[own, np.minimum((start_m + moved).astype(np.int64), last)]
-        free = (v / np.maximum(np.minimum(queue.limit_mps, bend), 0.5)) ** 4
         goes_on = k * STEP_S <= GOES_ON_S
-        a = (eager_mps2 if goes_on else ACCELERATION_MPS2) * (1.0 - np.minimum(free, 4.0) - (wanted / gap) ** 2)
+        a = queue.asks_mps2(start_m + moved, v, gap, lead_v, eager_mps2 if goes_on else ACCELERATION_MPS2)
         closing = np.maximum(v - lead_v, 0.0)
         needed = -(closing * closing) / (2.0 * np.maximum(gap - MIN_GAP_M, 0.5))
         a = np.minimum(np.maximum(a, needed - RELAXED_MPS2), most_mps2)
@@ -314,25 +333,21 @@ def straightest(roads: Roads, ways: Sequence[str]) -> str:
     return min(ways, key=bend_rad)
 
 
-def _leads_ego(observation: Observation, rows: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """(R,) who drives before the ego in its direction: a gap behind them must not be counted on to grow."""
+def _leads_ego(observation: Observation) -> NDArray[np.bool_]:
+    """(A,) who drives before the ego in its direction: a gap behind them must not be counted on to grow."""
     actors, ego = observation.actors, observation.ego
     cos, sin = np.cos(ego.heading_rad), np.sin(ego.heading_rad)
-    ahead_m = (actors.x_m[rows] - ego.x_m) * cos + (actors.y_m[rows] - ego.y_m) * sin
-    along_mps = actors.vx_mps[rows] * cos + actors.vy_mps[rows] * sin
+    ahead_m = (actors.x_m - ego.x_m) * cos + (actors.y_m - ego.y_m) * sin
+    along_mps = actors.vx_mps * cos + actors.vy_mps * sin
     return (ahead_m > 0.0) & (along_mps > STARTED_MPS)
 
 
-def _changes_mps2(observation: Observation, rows: NDArray[np.int64]) -> Floats:
-    """(R,) accelerations over the last half second; 0 for those who were not seen then."""
-    found = np.zeros(len(rows))
-    if len(observation.past.actors) < BRAKING_FRAMES:
-        return found
-    before = observation.past.actors[-BRAKING_FRAMES]
+def _changes_mps2(observation: Observation) -> Floats:
+    """(A,) accelerations over the last half second; 0 for those who were not seen then."""
+    actors, past = observation.actors, observation.past.actors
+    if len(past) < CHANGE_FRAMES:
+        return np.zeros(len(actors))
+    before = past[-CHANGE_FRAMES]
     speed_of = dict(zip(before.ids, before.speed_mps.tolist(), strict=True))
-    actors = observation.actors
-    for place, row in enumerate(rows.tolist()):
-        was = speed_of.get(actors.ids[row])
-        if was is not None:
-            found[place] = (float(actors.speed_mps[row]) - was) / (BRAKING_FRAMES * PAST_STEP_S)
-    return found
+    was_mps = np.array([speed_of.get(name, np.nan) for name in actors.ids])
+    return np.nan_to_num(actors.speed_mps - was_mps) / (CHANGE_FRAMES * PAST_STEP_S)

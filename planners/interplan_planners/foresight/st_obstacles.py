@@ -28,7 +28,9 @@ PEDESTRIAN_GAP_M = 1.5
 """Kept to people besides the usual gap."""
 ALONG_COS = 0.6
 """Who moves along the candidate with at least this share of its speed is followed rather than let across."""
-ONCOMING_MPS = 1.0
+ONCOMING_MPS, ONCOMING_MARGIN_M = 1.0, 0.5
+"""Who comes towards the ego faster than that; and it brakes for a side that reaches over the middle of the road and is
+no farther beside its own."""
 BEHIND_M = 45.0
 """Whoever is farther behind in a lane that the ego changes to does not matter."""
 ENTRY_STEP_M, NEAR_BORDER_M = 0.25, 0.25
@@ -57,7 +59,9 @@ class Stage:
     doubtful: NDArray[np.bool_]  # (B,) who stands and may stay, or go on
     strip: NDArray[np.bool_]  # (B,) who is in the strip that the ego sweeps: can be hit
     walks: NDArray[np.bool_]  # (B,) who is on foot in that strip, and may stop there or go on
+    forced: NDArray[np.bool_]  # (B,) who comes towards the ego and brakes where it reaches over the middle of the road
     follower: NDArray[np.bool_]  # (B,) who comes along the lane that the ego changes to
+    eager: NDArray[np.bool_]  # (B,) who is forecast to go on accelerating hard
     enters_m: tuple[float, float]
     """Arc lengths from which on the ego is near the border of that lane, and reaches over it; infinite if never."""
     unseen: tuple[Floats, Floats] | None
@@ -112,7 +116,11 @@ def staged(
         # who stands is in the strip or not in the way, and who rides a bicycle is passed while it drives
         rides = (actors.kind == ActorKind.BICYCLE) & np.isin(actors.ids, candidate.around)
         on = together(on, _only(beside, ~(tail | forecast.stands | rides)[beside.rows]))
-    strip = np.arange(len(on.rows)) < count
+    strip, towards = np.arange(len(on.rows)) < count, len(on.rows)
+    if candidate.over_m < inf:
+        on = together(on, _towards(candidate, traffic, shape))
+        strip = np.append(strip, np.zeros(len(on.rows) - towards, dtype=np.bool_))
+    forced = np.arange(len(on.rows)) >= towards
     present = np.isfinite(on.near_m)
     first = present.argmax(axis=1)
     rows = np.arange(len(on.rows))
@@ -133,8 +141,9 @@ def staged(
     nobody = [np.zeros((0, present.shape[1]))]
     return Stage(
         candidate, arc_m, limit_mps, tuple(stops_m), on.near_m, on.far_m, on.center_m, on.speed_mps,
-        present & (along | still)[:, None], scene.doubtful[on.rows], strip, people & strip & ~still, along & ~strip,
-        _enters_m(candidate, arc_m, shape), unseen, hidden,
+        present & (along | still)[:, None], scene.doubtful[on.rows], strip, people & strip & ~still, forced,
+        along & ~strip & ~forced,
+        traffic.eager[on.rows], _enters_m(candidate, arc_m, shape), unseen, hidden,
         np.concatenate([contender.near_m[None] for contender in found] or nobody),
         np.concatenate([contender.speed_mps[None] for contender in found] or nobody),
         np.array([contender.merges for contender in found], dtype=np.bool_),
@@ -179,6 +188,16 @@ def _occupied(
     return together(
         on, occupancy(candidate.path, half_m + PEDESTRIAN_MARGIN_M, traffic.forecast, stretch, ignore=out | ~walking)
     )
+
+
+def _towards(candidate: CandidatePath, traffic: PredictedTraffic, shape: EgoShape) -> StripOccupancy:
+    """Who comes towards the ego where it reaches over the middle of the road, and near enough to brake for its side."""
+    actors, path = traffic.actors, candidate.path
+    s, _ = path.project(actors.x_m, actors.y_m)
+    against = np.cos(actors.heading_rad - path.line.poses_at(s)[:, 2]) < -ALONG_COS
+    comes = against & (actors.kind == ActorKind.VEHICLE) & (actors.speed_mps > ONCOMING_MPS)
+    half_m, over = 0.5 * shape.width_m + ONCOMING_MARGIN_M, (candidate.over_m, candidate.back_m)
+    return occupancy(path, half_m, traffic.forecast, over, ignore=~comes)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

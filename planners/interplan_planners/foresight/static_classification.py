@@ -13,6 +13,7 @@ from interplan_planners.common.ground import Ground
 from interplan_planners.common.neighbours import STANDING_MPS, stands_for_good
 from interplan_planners.foresight.candidate_paths import Base, quintic
 from interplan_planners.foresight.prediction import MOVING_MPS, PredictedTraffic, Prediction
+from interplan_planners.foresight.scene import corners_along
 from interplan_sumo.planner import Observation
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.ego import EgoShape
@@ -38,6 +39,12 @@ EDGE_M = 0.1
 """Kept to the edge of the road."""
 CONTACT_M = 0.15
 """What comes nearer than this to the ego's side blocks its way."""
+BALKS_MPS2, BALKS_MORE_MPS2 = 2.0, 1.5
+"""Who brakes harder than the first, and by so much more than there is reason to, balks."""
+CRAWLS_MPS, SETS_OFF_MPS2, CRAWLS_LESS_MPS2 = 3.0, 0.3, 0.7
+"""So does who is slower than the first, does not set off and has room to, by that much."""
+BALKED_S, SLOW_AFTER_MPS = 2.0, 5.0
+"""For so long after that, while it is no faster than the second, the reason may still be there."""
 PROBE_M, PROBES = 0.15, 80
 ENTRY_SHARE = 0.12
 """Of the way out: up to there nothing of the ego has moved to the side."""
@@ -50,28 +57,48 @@ class Stillness:
 
     def __init__(self) -> None:
         self._since_s: dict[str, float] = {}
+        self._balked_s: dict[str, float] = {}
+        """When somebody balked last."""
 
     def found(
         self, observation: Observation, traffic: PredictedTraffic, prediction: Prediction
-    ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    ) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_]]:
         """(A,) whether an actor is taken to stay where it is: standing for 2 s, and no reason to wait in sight.
 
-        And (A,) whether that cannot be told: there may be a reason, but no red light.
+        And (A,) whether that cannot be told: there may be a reason, but no red light. And (A,) who balks: it brakes,
+        crawls or has just stopped, and no reason is in sight for that, either.
         """
         actors = observation.actors
         standing = [actors.ids[row] for row in np.flatnonzero(actors.speed_mps < STANDING_MPS).tolist()]
         self._since_s = {name: self._since_s.get(name, observation.time_s) for name in standing}
         stands = stands_for_good(observation)
-        vehicles = np.flatnonzero(stands & (actors.kind == ActorKind.VEHICLE)).tolist()
+        on_wheels = actors.kind == ActorKind.VEHICLE
+        slows = on_wheels & ~stands & _slows(traffic)
         doubtful = np.zeros(len(actors), dtype=np.bool_)
-        if not vehicles:
-            return stands, doubtful
-        patient = {row for row in vehicles if observation.time_s - self._since_s[actors.ids[row]] < PATIENCE_S}
+        rows = np.flatnonzero((stands & on_wheels) | slows).tolist()
+        now_s = observation.time_s
+        patient = {row for row in rows if now_s - self._since_s.get(actors.ids[row], now_s) < PATIENCE_S}
         reasons = _Reasons(observation, traffic, prediction, stands, patient)
-        for row in vehicles:
+        for row in rows:
             reason = reasons.of(row)
-            stands[row], doubtful[row] = reason is Reason.NONE, reason is Reason.PERHAPS
-        return stands, doubtful
+            if not slows[row]:
+                stands[row], doubtful[row] = reason is Reason.NONE, reason is Reason.PERHAPS
+            elif reason is Reason.NONE:
+                self._balked_s[actors.ids[row]] = now_s
+        balked_s = np.array([self._balked_s.get(name, -inf) for name in actors.ids])
+        balks = ~stands & (slows | (actors.speed_mps < SLOW_AFTER_MPS)) & (now_s - balked_s < BALKED_S)
+        return stands, doubtful, balks
+
+
+def _slows(traffic: PredictedTraffic) -> NDArray[np.bool_]:
+    """(A,) who keeps to a lane and brakes hard or crawls, where lane and those ahead do not ask for that, or stands."""
+    actors, changes = traffic.actors, traffic.changes_mps2
+    keeps = (np.abs(traffic.turned_rad) < ASKEW_RAD) & (np.abs(traffic.left_m) < ASIDE_M)
+    keeps &= np.array([lane is not None for lane in traffic.lane_of], dtype=np.bool_)
+    less_mps2 = traffic.expected_mps2 - changes
+    brakes = (changes < -BALKS_MPS2) & (less_mps2 > BALKS_MORE_MPS2)
+    crawls = (actors.speed_mps < CRAWLS_MPS) & (changes < SETS_OFF_MPS2) & (less_mps2 > CRAWLS_LESS_MPS2)
+    return keeps & (brakes | crawls | (actors.speed_mps < STANDING_MPS))
 
 
 class Reason(Enum):
@@ -85,7 +112,7 @@ class Reason(Enum):
 
 
 class _Reasons:
-    """Why standing vehicles may be waiting, at one step."""
+    """Why vehicles may be waiting, or slowing down to wait, at one step."""
 
     def __init__(
         self,
@@ -96,7 +123,9 @@ class _Reasons:
         patient: set[int],
     ) -> None:
         """`patient` are those for whom a queue or a junction is reason enough."""
-        self._length_m = observation.actors.length_m
+        actors = observation.actors
+        self._length_m = actors.length_m
+        self._stopping_m = actors.speed_mps**2 / (2.0 * np.maximum(-traffic.changes_mps2, BALKS_MPS2))
         self._traffic = traffic
         self._prediction = prediction
         self._stands = stands.copy()
@@ -111,7 +140,7 @@ class _Reasons:
                 self._on.setdefault(lane, []).append((float(traffic.arc_m[row]), row))
 
     def of(self, row: int) -> Reason:
-        """The reason of a standing vehicle."""
+        """The reason of a vehicle that stands or slows down."""
         behind: list[int] = []
         while row not in self._known:
             self._known[row] = Reason.NONE  # until more is known; ends a ring of cars that wait for one another
@@ -132,19 +161,23 @@ class _Reasons:
         if lane is None or aside:
             return Reason.NONE
         chain = self._prediction.chain(lane)
-        at_m = float(self._traffic.arc_m[row])
+        at_m, stopping_m = float(self._traffic.arc_m[row]), float(self._stopping_m[row])
         before = lane
         for link, start_m in zip(chain.lanes, chain.starts_m.tolist(), strict=True):
-            if start_m - at_m > LIGHT_M:
+            if start_m - at_m > LIGHT_M + stopping_m:
                 break
             if link != lane and link in self._halted:
                 return Reason.LIGHT
             ahead = [(start_m + s, j) for s, j in self._on.get(link, ()) if start_m + s > at_m + 0.5 and j != row]
             if ahead and row in self._patient:
                 there_m, j = min(ahead)
-                if there_m - at_m - 0.5 * float(self._length_m[row] + self._length_m[j]) < QUEUE_GAP_M:
+                if there_m - at_m - 0.5 * float(self._length_m[row] + self._length_m[j]) < QUEUE_GAP_M + stopping_m:
                     return j if self._stands[j] else Reason.PERHAPS
-            if row in self._patient and start_m - at_m < JUNCTION_M and self._prediction.crosses(before, link):
+            if (
+                row in self._patient
+                and start_m - at_m < JUNCTION_M + stopping_m
+                and self._prediction.crosses(before, link)
+            ):
                 return Reason.PERHAPS
             before = link
         return Reason.NONE
@@ -201,8 +234,7 @@ def blockage(
     rows, corners = rows[near], corners[near]
     if not rows.size:
         return None
-    s, d = base.path.project(corners[..., 0].ravel(), corners[..., 1].ravel(), (from_m - 20.0, from_m + look_m + 20.0))
-    s, d = s.reshape(-1, 4), d.reshape(-1, 4)
+    s, d = corners_along(base.path, corners, (from_m - 20.0, from_m + look_m + 20.0))
     low_s, high_s, low_d, high_d = s.min(axis=1), s.max(axis=1), d.min(axis=1), d.max(axis=1)
     half_m = 0.5 * shape.width_m
     reach = half_m + CONTACT_M
@@ -236,9 +268,7 @@ def slow_rider(
     rows = np.flatnonzero((actors.kind == ActorKind.BICYCLE) & (actors.speed_mps > MOVING_MPS))
     if not rows.size:
         return None
-    corners = actors.corners[rows]
-    s, d = base.path.project(corners[..., 0].ravel(), corners[..., 1].ravel())
-    s, d = s.reshape(-1, 4), d.reshape(-1, 4)
+    s, d = corners_along(base.path, actors.corners[rows])
     along = np.abs(traffic.turned_rad[rows]) < ASKEW_RAD
     in_way = (d.min(axis=1) < half_m + RIDER_SIDE_M) & (d.max(axis=1) > -half_m - RIDER_SIDE_M)
     ahead = along & in_way & (s.max(axis=1) > front_m - shape.length_m) & (s.min(axis=1) < front_m + look_m)

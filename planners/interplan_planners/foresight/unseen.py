@@ -23,8 +23,6 @@ SIGHT_M = 97.0
 """From the rear axle: planners see 100 m around the ego's centre."""
 UNSEEN_SHARE = 0.8
 """Of the limit: how fast somebody may come towards the ego who is not seen yet."""
-RETURN_SHARE = 0.6
-"""Of the way back: from there on nothing of the ego is in the oncoming lane any more."""
 PLACE_M, LOOKED_M = 5.0, 90.0
 """How finely it is asked behind the ego where somebody may be hidden, and as far as where."""
 CAR_LENGTH_M, CAR_WIDTH_M = 4.6, 1.8
@@ -57,9 +55,8 @@ def oncoming_unseen(candidate: CandidatePath, arc_m: float, instants: int) -> tu
     """
     limit_mps = float(candidate.base.limit_mps[min(int(arc_m), len(candidate.base.limit_mps) - 1)])
     near_m = arc_m + SIGHT_M - UNSEEN_SHARE * limit_mps * STEP_S * np.arange(instants)
-    end_m = candidate.beside_m[1] + RETURN_SHARE * (candidate.settles_m - candidate.beside_m[1])
-    comes = near_m < end_m  # and after the first there may be others
-    return np.where(comes, np.maximum(near_m, candidate.over_m), np.inf), np.where(comes, end_m, -np.inf)
+    comes = near_m < candidate.back_m  # and after the first there may be others
+    return np.where(comes, np.maximum(near_m, candidate.over_m), np.inf), np.where(comes, candidate.back_m, -np.inf)
 
 
 def hidden_places(scene: PlanningScene, base: Base, axle_m: float) -> HiddenPlaces:
