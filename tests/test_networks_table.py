@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -9,7 +10,7 @@ import pytest
 from interplan_learned.card import read_card
 from interplan_learned.network import shipped_cards
 from tools import networks as kept
-from tools.networks import gained_of_late, keep_plan_times, networks, plan_times
+from tools.networks import data_scaling, gained_of_late, keep_plan_times, keep_scaling, networks, plan_times
 from tools.tables import ORDINARY, SMALL, stored
 
 
@@ -50,3 +51,34 @@ def test_every_shipped_network_has_its_line_best_first(tmp_path: Path, monkeypat
     assert open_loop[6] == f"{card.errors['test']['network']['ade']:.2f}"
     assert open_loop[-1] == "3.1"
     assert {cells[-1] for cells in told} == {"3.1", "-"}
+
+
+def test_errors_over_samples_end_with_the_shipped_network_and_are_of_its_data_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(kept, "DATA_SCALING", tmp_path / "data_scaling.csv")
+    shipped = read_card(shipped_cards()["pdm_open"])
+
+    def part(samples: int, val_m: float, data_hash: str = shipped.data["hash"]) -> Path:
+        data = {"hash": data_hash, "samples": {**shipped.data["samples"], "train": samples}}
+        errors = {split: {"network": {"ade": val_m}} for split in ("val", "test")}
+        path = tmp_path / f"{samples}.json"
+        replace(shipped, data=data, errors=errors).write(path)
+        return path
+
+    keep_scaling([part(9_000, 4.0), part(25_000, 9.0)])
+    keep_scaling([part(25_000, 3.0), part(12_500, 3.504)])
+    whole, errors = (
+        shipped.data["samples"]["train"],
+        [shipped.errors[split]["network"]["ade"] for split in ("val", "test")],
+    )
+    assert data_scaling()[2:] == [
+        "`pdm_open` | 12,500 | 3.50 | 3.50",
+        "`pdm_open` | 25,000 | 3.00 | 3.00",
+        f"`pdm_open` | {whole:,} | {errors[0]:.2f} | {errors[1]:.2f}",
+    ]
+    with pytest.raises(SystemExit, match="learned from 0123"):
+        keep_scaling([part(25_000, 3.0, "0123")])
+    (tmp_path / "data_scaling.csv").write_text("network,data,samples,val,test\npdm_open,0123,5,9,9\n", encoding="utf-8")
+    with pytest.raises(SystemExit, match="other data"):
+        data_scaling()

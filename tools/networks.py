@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from pathlib import Path
 from typing import Any, Final
 
 from interplan_learned.card import Card, read_card
@@ -16,6 +17,10 @@ PLAN_TIMES: Final = RESULTS / "plan_times.csv"
 """What `benchmarks.planner_speed --keep` found last."""
 TIMES: Final = ("planner", "mean", "median", "p90", "most", "first", "x_idm", "clock")
 """Its columns: milliseconds, but for `x_idm`."""
+DATA_SCALING: Final = RESULTS / "data_scaling.csv"
+"""Errors of shipped networks that learned from a part of their data."""
+PARTS: Final = ("network", "data", "samples", "val", "test")
+"""Its columns: the hash of the data, how many samples of it, and metres."""
 LATE: Final = 5
 """Epochs in which a network that has learned what it can gains next to nothing."""
 DRIVES: Final = {"pdm_offset": "pdm_hybrid"}
@@ -44,6 +49,48 @@ def networks(rare: ResultsTable, ordinary: ResultsTable) -> list[str]:
         of_late = gained_of_late(training.get("held_out_m", []))
         lines.append(" | ".join((*about, *_errors(card, "network"), of_late, *driven, _short(took.get(name)))))
     return lines
+
+
+def keep_scaling(cards: Iterable[Path]) -> None:
+    """Keep the errors of networks that learned from parts of the data, in place of earlier ones of the same networks.
+
+    Ends the program for a network whose shipped weights learned from other data: those are the end of its line.
+    """
+    fresh: list[tuple[Any, ...]] = []
+    for card in map(read_card, cards):
+        shipped = read_card(shipped_cards()[card.planner])
+        if card.data["hash"] != shipped.data["hash"]:
+            raise SystemExit(
+                f"{card.planner} learned from {card.data['hash']}, the shipped from {shipped.data['hash']}"
+            )
+        errors = (f"{_error(card, split, 'network'):.4f}" for split in ("val", "test"))
+        fresh.append((card.planner, card.data["hash"], card.data["samples"]["train"], *errors))
+    again = {line[0] for line in fresh}
+    lines = [*fresh, *(tuple(line[name] for name in PARTS) for line in _parts() if line["network"] not in again)]
+    lines.sort(key=lambda line: (line[0], int(line[2])))
+    write_table(DATA_SCALING, PARTS, lines)
+
+
+def data_scaling() -> list[str]:
+    """What more data are worth: errors of a network by the number of samples, the shipped one's last.
+
+    Ends the program if a shipped network has learned from other data since.
+    """
+    lines = ["network | samples | new traffic m | new district m", "---|---|---|---"]
+    parts = _parts()
+    for name in dict.fromkeys(line["network"] for line in parts):
+        shipped = read_card(shipped_cards()[name])
+        mine = [line for line in parts if line["network"] == name]
+        if any(line["data"] != shipped.data["hash"] for line in mine):
+            raise SystemExit(f"{DATA_SCALING}: {name} has learned from other data since; train its parts anew")
+        told = [(int(line["samples"]), *(f"{float(line[split]):.2f}" for split in ("val", "test"))) for line in mine]
+        told.append((shipped.data["samples"]["train"], *_errors(shipped, "network")))
+        lines += [f"`{name}` | {samples:,} | {val} | {test}" for samples, val, test in told]
+    return lines
+
+
+def _parts() -> list[dict[str, str]]:
+    return read_table(DATA_SCALING, PARTS) if DATA_SCALING.is_file() else []
 
 
 def gained_of_late(held_out_m: Sequence[float]) -> str:

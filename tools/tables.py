@@ -5,7 +5,8 @@ nobody types its figures. `--take` puts the drives of a run folder there first, 
 place of what the same planners drove before, and without traces and details that no table needs:
 `interplan-sumo report docs/results/interplan-1` reads them like any other run. `--take-hidden` keeps the scores in hard
 scenes that are not shipped, and nothing that tells of the scenes. `--take-sweep` keeps what a sweep of tracks or of
-drivers found, `--take-seeds` the scores of a run with several seeds, `--take-kilometres` the segments of `endure`.
+drivers found, `--take-seeds` the scores of a run with several seeds, `--take-kilometres` the segments of `endure`,
+`--take-parts` the errors of networks that learned from parts of the data, by their cards.
 """
 
 from __future__ import annotations
@@ -62,7 +63,7 @@ from tools.kilometres import (
     kilometres_weights,
 )
 from tools.language_models import HYBRID, choosers
-from tools.networks import networks, plan_times
+from tools.networks import data_scaling, keep_scaling, networks, plan_times
 
 NAMES: Final[Mapping[str, str]] = {
     "foresight": "`foresight` (ours)", "gameformer": "`gameformer`, learned", "dtpp": "`dtpp`, learned",
@@ -279,6 +280,7 @@ TABLES: Final[Mapping[str, tuple[Callable[..., list[str]], tuple[str, ...]]]] = 
     "ordinary_order": (ordinary_order, (ORDINARY,)),
     "learned": (learned, (SMALL, ORDINARY)),
     "networks": (lambda rare, ordinary: networks(rare.by_paper, ordinary.by_paper), (SMALL, ORDINARY)),
+    "data_scaling": (data_scaling, ()),
     "plan_times": (plan_times, ()),
     "choosers": (lambda rare: choosers(rare.run), (SMALL,)),
     "hard": (hard, (HARD,)),
@@ -331,6 +333,7 @@ def main() -> None:
     parser.add_argument("--take-sweep", type=Path, metavar="DIR", help="a folder of sweep to be stored")
     parser.add_argument("--take-seeds", type=Path, metavar="RUN", help="a run with several seeds, to be stored")
     parser.add_argument("--take-kilometres", type=Path, nargs="+", metavar="DIR", help="folders of endure to be stored")
+    parser.add_argument("--take-parts", type=Path, nargs="+", metavar="CARD", help="cards of networks to be stored")
     given = parser.parse_args()
     if given.take is not None:
         take(given.take)
@@ -343,6 +346,8 @@ def main() -> None:
         keep_seeds(given.take_seeds)
     if given.take_kilometres is not None:
         keep_kilometres(given.take_kilometres)
+    if given.take_parts is not None:
+        keep_scaling(given.take_parts)
     drives = stored()
     for page in PAGES:
         (ROOT / page).write_text(written((ROOT / page).read_text(encoding="utf-8"), drives), encoding="utf-8")
