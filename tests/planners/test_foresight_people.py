@@ -111,11 +111,9 @@ def test_only_what_it_passes_on_a_lane_of_others_does_not_make_it_slow(
 # --- who brakes for somebody -----------------------------------------------------------------------
 
 
-def brakes(
-    mps: float, by_mps2: float, x_m: float = 60.0, y_m: float = -WIDTH_M, name: str = "b"
-) -> tuple[Actors, Actors]:
+def brakes(mps: float, by_mps2: float, x_m: float = 60.0, y_m: float = -WIDTH_M) -> tuple[Actors, Actors]:
     """Somebody on the lane beside now, and half a second before."""
-    return cars((x_m, y_m, mps), prefix=name), cars((x_m - 0.5 * mps, y_m, mps + 0.5 * by_mps2), prefix=name)
+    return cars((x_m, y_m, mps)), cars((x_m - 0.5 * mps, y_m, mps + 0.5 * by_mps2))
 
 
 def balking(
@@ -123,7 +121,7 @@ def balking(
     time_s: float = 5.0,
 ) -> list[bool]:  # fmt: skip
     """Who balks."""
-    start = replace(ego(20.0, 0.0, 8.0), time_s=time_s)
+    start = ego(20.0, 0.0, 8.0, time_s=time_s)
     seen = observation(start, now, signals, past=Past((start,) * 20, (before,) * 20))
     prediction = Prediction(roads)
     _, _, found = (memory or Stillness()).found(seen, prediction.traffic(seen, PACIFICA, 8.0), prediction)
