@@ -26,6 +26,7 @@ from scipy.stats import rankdata
 from interplan_sumo.batch.records import Row
 from interplan_sumo.batch.run_folder import StoredRun, read_run
 from interplan_sumo.planner import split_spec
+from interplan_sumo.report.costly import where_points_went
 from interplan_sumo.report.paper_comparison import (
     CELLS,
     COUNTERPARTS,
@@ -176,6 +177,17 @@ def _published() -> dict[str, dict[str, str | float | None]]:
     return {COUNTERPARTS[str(row["planner"])]: row for row in published_rows() if row["planner"] in COUNTERPARTS}
 
 
+def lost(drives: Drives, key: str) -> list[str]:
+    """What took the points that a score lacks, by planner; the best of a column first."""
+    by_score = best_first(drives.strict, key)
+    columns = where_points_went(by_score)
+    lines = [" | ".join(("planner", "score", *columns)), "---|" * (len(columns) + 1) + "---"]
+    for number, line in enumerate(by_score):
+        taken = (f"{points[number]:.0f}" for points in columns.values())
+        lines.append(" | ".join((f"`{line.planner}`", cell_text(line.cells[key]), *taken)))
+    return lines
+
+
 def learned(rare: Drives, ordinary: Drives) -> list[str]:
     """Both suites by the paper's profile, ours above the published row of the same method."""
     table = make_table([rare.judged_by_paper, ordinary.judged_by_paper])
@@ -271,12 +283,14 @@ TABLES: Final[Mapping[str, tuple[Callable[..., list[str]], tuple[str, ...]]]] = 
     "behaviours": (behaviours, ()),
     "short": (short, (SMALL,)),
     "planners": (planners, (SMALL,)),
+    "lost": (lambda rare: lost(rare, RARE), (SMALL,)),
     "detectable": (detectable, (SMALL,)),
     "paper": (paper, (SMALL,)),
     "near_paper": (near_paper, (SMALL,)),
     "large": (planners, (LARGE,)),
     "large_detectable": (detectable, (LARGE,)),
     "ordinary": (ordinary, (ORDINARY,)),
+    "ordinary_lost": (lambda ordinary: lost(ordinary, DRIVEN), (ORDINARY,)),
     "ordinary_order": (ordinary_order, (ORDINARY,)),
     "learned": (learned, (SMALL, ORDINARY)),
     "networks": (lambda rare, ordinary: networks(rare.by_paper, ordinary.by_paper), (SMALL, ORDINARY)),

@@ -16,12 +16,18 @@ from interplan_sumo.report.failure_reasons import LEAST_LOSS
 from interplan_sumo.report.table import Line
 
 TOLD: Final = 3
+LEAST_COLUMN: Final = 1.0
+"""Points of its mean that somebody lost by each reason that has a column of its own."""
+OTHER: Final = "other"
+"""The column of all other reasons."""
 
 
 @dataclass(slots=True)
 class Cost:
     """What one reason took of a planner's score."""
 
+    reason: str
+    """The metric, or whose fault."""
     words: str
     points: float = 0.0
     """Of the mean over all drives, 0 to 100."""
@@ -36,12 +42,26 @@ def costs(line: Line) -> list[Cost]:
     found: dict[str, Cost] = {}
     for row in line.rows:
         for reason, points in _lost(row).items():
-            cost = found.setdefault(reason, Cost(f"{reason} fault" if row.fault else failure_words(reason)))
+            cost = found.setdefault(reason, Cost(reason, f"{reason} fault" if row.fault else failure_words(reason)))
             cost.points += points / len(line.rows)
             cost.drives += 1
             if points > cost.worst_points:
                 cost.worst, cost.worst_points = row.key, points
     return sorted(found.values(), key=lambda cost: -cost.points)
+
+
+def where_points_went(lines: Sequence[Line]) -> dict[str, list[float]]:
+    """What each reason, in words, took of the 100 points of each line, the costliest reason first.
+
+    Means over all drives of a line. Reasons that took less than `LEAST_COLUMN` of everybody are one, the last.
+    """
+    taken = [{cost.words: cost.points for cost in costs(line)} for line in lines]
+    reasons = dict.fromkeys(words for each in taken for words in each)
+    columns = {words: [each.get(words, 0.0) for each in taken] for words in reasons}
+    small = [points for points in columns.values() if max(points) < LEAST_COLUMN]
+    found = {words: points for words, points in columns.items() if max(points) >= LEAST_COLUMN}
+    found = dict(sorted(found.items(), key=lambda column: -sum(column[1])))
+    return found | ({OTHER: [sum(each, start=0.0) for each in zip(*small, strict=True)]} if small else {})
 
 
 def cost_text(line: Line) -> str:

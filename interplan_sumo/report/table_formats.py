@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import islice
 from typing import Any
 
@@ -15,6 +15,7 @@ from rich.text import Text
 from interplan_sumo.batch.records import Row
 from interplan_sumo.errors import counted
 from interplan_sumo.families import find_family
+from interplan_sumo.report.costly import costs, where_points_went
 from interplan_sumo.report.failure_reasons import fault_sentence, lost_points
 from interplan_sumo.report.paper_comparison import (
     PUBLISHED_COLUMNS,
@@ -61,6 +62,7 @@ def as_json(table: ResultsTable, *, paper: bool = False, why: bool = False) -> d
                 }
                 for r in line.rows
             ],
+            "points_lost": {cost.reason: rounded(cost.points) for cost in costs(line)},
             "done": {c.key: [line.cells[c.key].done, line.cells[c.key].asked] for c in table.columns},
             "ci": {
                 c.key: [rounded(bound) for bound in interval]
@@ -191,7 +193,7 @@ def as_text(
     table: ResultsTable, *, width: int = 200, paper: bool = False, why: bool = False, details: bool = False
 ) -> RenderableType:
     """The table and its notes for a terminal of `width` characters; columns that no line has are left out."""
-    parts: list[RenderableType] = [_grid(table, width, paper), *(Text(note) for note in notes(table, paper=paper))]
+    parts: list[RenderableType] = [_scores(table, width, paper), *(Text(note) for note in notes(table, paper=paper))]
     faulty = [key for line in table.lines for key in line.faulty.keys]
     first = islice((row for line in table.lines for row in line.faulty), LISTED)
     parts += listed("Faults", [f"{drive_name(row)}: {fault_sentence(row)}" for row in first], len(faulty))
@@ -199,6 +201,7 @@ def as_text(
     missing = [f"{key[0]}, {key[1]}, seed {key[2]}" for line in table.lines for key in line.missing if key not in ended]
     parts += listed("Not run yet", missing[:LISTED], len(missing))
     if why:
+        parts += _where_points_went(table, width)
         lost = [f"{drive_name(row)}: {sentence}" for line in table.lines for row, sentence in reasons(line)]
         parts += listed("Why: what cost how many of the 100 points", lost, len(lost))
     if details:
@@ -207,22 +210,37 @@ def as_text(
     return Group(*parts)
 
 
-def _grid(table: ResultsTable, width: int, paper: bool) -> Grid:
-    """A row per planner where that fits into `width`, else a column per planner."""
+def _scores(table: ResultsTable, width: int, paper: bool) -> Grid:
+    """The figures of the table, the paper's rows below ours."""
     shown = [c for c in shown_columns(table, paper=paper) if paper or table.asked(c)]
-    rows: list[list[str]] = [["planner", *(c.title for c in shown)]]
-    rows += [[line.label, *(cell_text(line.cells[c.key]) for c in shown)] for line in table.lines]
+    rows = [[line.label, *(cell_text(line.cells[c.key]) for c in shown)] for line in table.lines]
     published = [
         [f"{row['planner']} (paper)", *(published_figure(row, c.key) for c in shown)] for row in published_rows()
     ]
-    ours, rows = len(rows), rows + (published if paper else [])
+    return _fitted(["planner", *(c.title for c in shown)], rows, published if paper else [], width=width)
+
+
+def _where_points_went(table: ResultsTable, width: int) -> list[RenderableType]:
+    """What each reason took of the 100 points, by planner; nothing if nobody lost any."""
+    columns = where_points_went(table.lines)
+    rows = [
+        [line.label, *(figure(taken[number] or None) for taken in columns.values())]
+        for number, line in enumerate(table.lines)
+    ]
+    heading = Text("\nWhere the points went (of 100)", style="bold")
+    return [heading, _fitted(["planner", *columns], rows, width=width)] if columns else []
+
+
+def _fitted(titles: list[str], ours: list[list[str]], others: Sequence[list[str]] = (), *, width: int) -> Grid:
+    """A row per planner where that fits into `width`, else a column per planner."""
+    rows = [titles, *ours, *others]
     upright = sum(max(map(len, column)) + 3 for column in zip(*rows, strict=True)) + 1 <= width
     grid = Grid(header_style="bold")
-    for number, title in enumerate(rows[0] if upright else [row[0] for row in rows]):
+    for number, title in enumerate(titles if upright else [row[0] for row in rows]):
         grid.add_column(Text(title), justify="right" if number else "left", overflow="fold", no_wrap=upright)
     for number, row in enumerate(rows[1:] if upright else list(zip(*rows, strict=True))[1:], start=1):
-        style = "dim" if upright and number >= ours else ""
-        grid.add_row(*(Text(text, style=style) for text in row), end_section=upright and number == ours - 1)
+        style = "dim" if upright and number > len(ours) else ""
+        grid.add_row(*(Text(text, style=style) for text in row), end_section=upright and number == len(ours))
     return grid
 
 

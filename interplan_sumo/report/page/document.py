@@ -10,6 +10,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from interplan_sumo.batch.run_folder import StoredRun
+from interplan_sumo.report.costly import where_points_went
 from interplan_sumo.report.page.drives import (
     BANDS,
     ShownDrive,
@@ -59,6 +60,7 @@ def page(
         legend=legend(columns),
         bands=BANDS,
         spread=score_spread(table, drives),
+        went=where_points_went(table.lines),
         blocks=family_blocks(table, drives, scene_thumbnails(runs)),
         drives=drives,
         shown=shown,
