@@ -40,8 +40,8 @@ from interplan_sumo.world.trace import Trace
 
 WIDTH = 1000
 """Pixels of a strip."""
-HEIGHTS = (96, 190)
-"""Least and largest height of a strip in pixels."""
+HEIGHTS = (96, 260)
+"""Least and largest height of a strip in pixels; where that is too little for a turn, all is drawn smaller."""
 TITLE, GAP, FOOT, BLOCKS_BESIDE = 30, 6, 72, 2
 BEFORE_M, BEYOND_M, ASIDE_M = 12.0, 45.0, 7.0
 """Shown before the start, beyond what is staged, and on both sides of all that is shown."""
@@ -76,9 +76,9 @@ class Drive:
 
 
 def drives(runs: Sequence[StoredRun], scenario_id: str) -> list[Drive]:
-    """Seed 0 of every planner that drove a scenario."""
-    rows = [(run, row) for run in runs for row in run.rows.values() if row.scenario_id == scenario_id]
-    return [Drive(row, Trace.read(run.path / row.trace)) for run, row in rows if row.seed == 0 and row.trace]
+    """Seed 0 of every planner that drove a scenario, as the runs name them."""
+    rows = [(run, run.rows.get((scenario_id, planner, 0))) for run in runs for planner in run.planners]
+    return [Drive(row, Trace.read(run.path / row.trace)) for run, row in rows if row is not None and row.trace]
 
 
 def view_of(scenario: Scenario, shown: Sequence[Drive]) -> View:
@@ -100,8 +100,9 @@ def view_of(scenario: Scenario, shown: Sequence[Drive]) -> View:
         driven = flat.points(np.column_stack((drive.trace.ego.x_m, drive.trace.ego.y_m)))
         inside = driven[(driven[:, 0] > low[0]) & (driven[:, 0] < high[0])]
         low[1], high[1] = min(low[1], inside[:, 1].min()), max(high[1], inside[:, 1].max())
-    scale = WIDTH / float(high[0] - low[0])
-    height_m = float(np.clip(high[1] - low[1] + 2.0 * ASIDE_M, HEIGHTS[0] / scale, HEIGHTS[1] / scale))
+    wide_m, high_m = (high - low).tolist()
+    scale = min(WIDTH / wide_m, HEIGHTS[1] / (high_m + 2.0 * ASIDE_M))
+    height_m = max(high_m + 2.0 * ASIDE_M, HEIGHTS[0] / scale)
     middle_x, middle_y = (0.5 * (low + high)).tolist()
     c, s = cos(heading_rad), sin(heading_rad)
     return View(c * middle_x - s * middle_y, s * middle_x + c * middle_y, heading_rad, WIDTH / scale, height_m, scale)
