@@ -1,39 +1,35 @@
-"""What choosing is worth at most: `python -m benchmarks.oracle [--out FILE.jsonl] [--every 2] [--hold 3] [--drives 24]`
+"""What choosing could be worth: `python -m benchmarks.oracle [--out FILE.jsonl] [--drives 24] [--keep]`
 
 Drives the hybrid on interplan==1 with the best choices that are found by trying
 them out: decision by decision, each option by a whole drive, a few rules after
 it, until the score is full. Writes a line per scenario and goes on where it was
-stopped; then prints the row of the table in docs/language_models.md. About half
-an hour on one core.
+stopped; `--keep` stores its scores for the table in docs/language_models.md.
+About ten minutes on one core.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from msgspec import to_builtins
 from rich.console import Console
-from rich.table import Table
 
 from interplan_llm.hybrid.choosers import RuleChooser
 from interplan_llm.hybrid.planner import HybridPlanner
-from interplan_sumo.batch.briefs import Brief, brief_of
 from interplan_sumo.batch.records import ScoreRecord
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.metrics.score import score
-from interplan_sumo.report.table import table_columns
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.scenario.suite import expert, find_suite
 from interplan_sumo.world.trajectory import Trajectory
+from tools.language_models import keep_oracle
 from tools.oracle import Effort, OracleChooser, oracle_drive
 
 SUITE = "interplan==1"
-HIDDEN = ("ordinary", "driv")
-"""Columns that the table in the docs leaves out."""
 
 
 def hybrid(chooser: OracleChooser, recorded: Sequence[Trajectory]) -> HybridPlanner:
@@ -77,14 +73,6 @@ def keep(path: Path | None, rows: Sequence[dict[str, Any]]) -> None:
         fresh.replace(path)
 
 
-def mean(
-    rows: Sequence[dict[str, Any]], families: Callable[[str], bool], value: Callable[[Brief], float | None]
-) -> str:
-    briefs = (brief_of(json.dumps(row).encode())[1] for row in rows if families(row["family"]))
-    found = [figure for brief in briefs if (figure := value(brief)) is not None]
-    return f"{100.0 * sum(found) / len(found):.0f}" if found else "-"
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, help="a line per scenario; what it holds is not done again")
@@ -92,6 +80,7 @@ def main() -> None:
     parser.add_argument("--hold", type=int, default=3, help="keep an option for so many decisions")
     parser.add_argument("--drives", type=int, default=24, help="per scenario; then no further decision is looked at")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--keep", action="store_true", help="store what was found for the table in the docs")
     given = parser.parse_args()
     effort = Effort(given.every, given.hold, given.drives)
     console, rows = Console(width=120), rows_of(given.out, given.seed, effort)
@@ -102,12 +91,11 @@ def main() -> None:
             keep(given.out, list(rows.values()))
         row = rows[scenario.id]
         console.print(f"[{number}/{len(scenarios)}] {scenario.id}: {row['score']:.3f} in {row['drives']} drives")
-    shown = [column for column in table_columns() if column.key not in HIDDEN]
-    table = Table("who chooses", *(column.title for column in shown))
-    table.add_row("the oracle", *(mean(list(rows.values()), column.covers, column.value) for column in shown))
-    console.print(table)
-    drives = [row["drives"] for row in rows.values()]
-    console.print(f"{sum(drives)} drives; {drives.count(1)} scenarios needed no more than the rules")
+    if given.keep:
+        keep_oracle([rows[scenario.id] for scenario in scenarios])
+    scores, drives = zip(*((row["score"], row["drives"]) for row in rows.values()), strict=True)
+    console.print(f"{100.0 * sum(scores) / len(scores):.1f} points in {sum(drives)} drives")
+    console.print(f"{drives.count(1)} scenarios needed no more than the rules")
 
 
 if __name__ == "__main__":

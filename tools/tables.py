@@ -63,7 +63,7 @@ from tools.kilometres import (
     kilometres_pilots,
     kilometres_weights,
 )
-from tools.language_models import HYBRID, choosers
+from tools.language_models import ASKED, HYBRID, choosers, waypoints
 from tools.networks import data_scaling, keep_scaling, networks, plan_times
 
 NAMES: Final[Mapping[str, str]] = {
@@ -297,6 +297,7 @@ TABLES: Final[Mapping[str, tuple[Callable[..., list[str]], tuple[str, ...]]]] = 
     "data_scaling": (data_scaling, ()),
     "plan_times": (plan_times, ()),
     "choosers": (lambda rare: choosers(rare.run), (SMALL,)),
+    "waypoints": (lambda asked: waypoints(asked.run), (ASKED,)),
     "hard": (hard, (HARD,)),
     "halves": (halves, (HARD,)),
     "halves_order": (halves_order, (HARD,)),
@@ -322,7 +323,7 @@ PAGES: Final = (
 
 def stored() -> dict[str, Drives]:
     """The kept drives by suite."""
-    return {suite: Drives(read_run(folder_of(suite))) for suite in (SMALL, LARGE, ORDINARY, HARD)}
+    return {suite: Drives(read_run(folder_of(suite))) for suite in (SMALL, LARGE, ORDINARY, HARD, ASKED)}
 
 
 def written(page: str, drives: Mapping[str, Drives]) -> str:

@@ -137,8 +137,6 @@ def test_a_card_that_cannot_be_used_is_one_clear_line(
 
 PLANNERS = ("dtpp", "flow_drive", "gameformer", "gc_pgp", "pdm_hybrid", "pdm_open", "urban_driver")
 CARDS = ("dtpp", "flow_drive", "gameformer", "gc_pgp", "pdm_offset", "pdm_open", "urban_driver")
-OF_OLD_DATA = ("urban_driver",)
-"""Those that have yet to learn from the newer, larger data."""
 AS_PUBLISHED = ("pdm_offset", "pdm_open")
 LARGEST_BYTES = 3_000_000
 PLAIN = tuple(
@@ -168,10 +166,8 @@ def test_all_learned_from_the_same_samples_and_beat_constant_velocity_on_new_roa
 ) -> None:
     cards = shipped_cards()
     assert sorted(cards) == sorted(CARDS)
-    of_old = shipped.planner in OF_OLD_DATA
-    like = {name: read_card(path).data for name, path in cards.items() if (name in OF_OLD_DATA) == of_old}
-    assert {data["hash"] for data in like.values()} == {shipped.data["hash"]}
-    assert shipped.data["samples"]["train"] >= (20_000 if of_old else 100_000)
+    assert {read_card(path).data["hash"] for path in cards.values()} == {shipped.data["hash"]}
+    assert shipped.data["samples"]["train"] >= 100_000
     for split in ("val", "test"):
         errors = shipped.errors[split]
         assert errors["samples"] > 500
