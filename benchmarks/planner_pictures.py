@@ -1,4 +1,4 @@
-"""What planners do: python -m benchmarks.planner_pictures RUN... --out planners.png [--scenarios nudge/0 overtake/1]
+"""What planners do: python -m benchmarks.planner_pictures RUN... --out planners.png [--scenarios nudge/0 ...]
 
 Draws drives that run folders hold, seed 0: a block per scenario, a strip per
 planner. The colour of the driven way is the time. Every `--every` seconds the
@@ -75,9 +75,11 @@ class Drive:
         return [contact for contact in found.detail.get("contacts", []) if contact["at_fault"]] if found else []
 
 
-def drives(runs: Sequence[StoredRun], scenario_id: str) -> list[Drive]:
-    """Seed 0 of every planner that drove a scenario, as the runs name them."""
-    rows = [(run, run.rows.get((scenario_id, planner, 0))) for run in runs for planner in run.planners]
+def drives(runs: Sequence[StoredRun], scenario_id: str, planners: Sequence[str]) -> list[Drive]:
+    """Seed 0 of these planners on a scenario; of all, as the runs name them, where none is named."""
+    named = [(run, planner) for planner in planners for run in runs if planner in run.planners]
+    named = named or [(run, planner) for run in runs for planner in run.planners]
+    rows = [(run, run.rows.get((scenario_id, planner, 0))) for run, planner in named]
     return [Drive(row, Trace.read(run.path / row.trace)) for run, row in rows if row is not None and row.trace]
 
 
@@ -182,12 +184,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("runs", nargs="+", type=Path, metavar="RUN")
     parser.add_argument("--scenarios", nargs="+", help="default: one of each family, those of smoke==1")
+    parser.add_argument("--planners", nargs="+", default=(), help="default: all that the runs hold")
     parser.add_argument("--every", type=float, default=4.0)
     parser.add_argument("--out", type=Path, default=Path("planners.png"))
     arguments = parser.parse_args()
     runs = [read_run(folder) for folder in arguments.runs]
     wanted = arguments.scenarios or [scenario.id for scenario in find_suite("smoke==1").scenarios]
-    blocks = [(find_scenario(name), drives(runs, name)) for name in wanted]
+    blocks = [(find_scenario(name), drives(runs, name, arguments.planners)) for name in wanted]
     picture(blocks, arguments.every).savefig(arguments.out)
 
 
