@@ -77,9 +77,8 @@ class Drive:
 
 def drives(runs: Sequence[StoredRun], scenario_id: str, planners: Sequence[str]) -> list[Drive]:
     """Seed 0 of these planners on a scenario; of all, as the runs name them, where none is named."""
-    named = [(run, planner) for planner in planners for run in runs if planner in run.planners]
-    named = named or [(run, planner) for run in runs for planner in run.planners]
-    rows = [(run, run.rows.get((scenario_id, planner, 0))) for run, planner in named]
+    wanted = planners or dict.fromkeys(planner for run in runs for planner in run.planners)
+    rows = [(run, run.rows.get((scenario_id, planner, 0))) for planner in wanted for run in runs]
     return [Drive(row, Trace.read(run.path / row.trace)) for run, row in rows if row is not None and row.trace]
 
 
