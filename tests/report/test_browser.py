@@ -161,6 +161,14 @@ def test_the_report_fits_every_screen_and_is_short_while_it_is_folded(report: Pa
         report.evaluate("document.querySelectorAll('details').forEach((box) => { box.open = false; })")
 
 
+@pytest.mark.parametrize(("size", "unfolded"), [(USUAL, 1), (NARROW, 0)])
+def test_where_the_points_went_is_folded_on_a_phone_only(size: tuple[int, int], unfolded: int, report: Page) -> None:
+    report.set_viewport_size(sized(size))
+    report.reload()
+    assert report.locator(".unfolded[open]").count() == unfolded
+    report.set_viewport_size(sized(USUAL))
+
+
 def test_without_a_script_every_drive_is_shown_and_no_dead_control(browser: Browser, report_file: Path) -> None:
     assert report_file.stat().st_size < 400_000
     with opened(browser, report_file, script=False) as plain:

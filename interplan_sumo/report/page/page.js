@@ -1,6 +1,9 @@
 "use strict";
 // Sorting and filtering of the drives. Without it the page shows all of them, in the order of the suite.
 {
+  // What is long where columns stand below one another is folded there.
+  const narrow = window.matchMedia("(max-width: 60rem)").matches;
+  if (narrow) document.querySelectorAll(".unfolded").forEach((box) => { box.open = false; });
   const form = document.getElementById("filters");
   const count = document.getElementById("count");
   const numeric = new Intl.Collator("en", { numeric: true });
