@@ -166,7 +166,6 @@ def test_where_the_points_went_is_folded_on_a_phone_only(size: tuple[int, int], 
     report.set_viewport_size(sized(size))
     report.reload()
     assert report.locator(".unfolded[open]").count() == unfolded
-    report.set_viewport_size(sized(USUAL))
 
 
 def test_without_a_script_every_drive_is_shown_and_no_dead_control(browser: Browser, report_file: Path) -> None:
