@@ -20,6 +20,7 @@ RESULTS: Final = ROOT / "docs/results"
 HIDDEN: Final = RESULTS / "interplan-hard-hidden.csv"
 """Scores in hard scenes that are kept back: planner, family and score, and nothing that tells of the scenes."""
 HARD: Final = "interplan-hard==1"
+DRAWS: Final = 2000
 
 Half = dict[str, dict[str, list[float]]]
 """By planner and family the scores, 0 to 1, of scenes in one order."""
@@ -84,6 +85,13 @@ def means(half: Half, rng: np.random.Generator | None = None) -> np.ndarray:
     return np.array(
         [np.mean([np.asarray(of[family])[each].mean() for family, each in rows.items()]) for of in half.values()]
     )
+
+
+def bounds(half: Half) -> np.ndarray:
+    """Between what 95 % of the means lie for scenes like these, 0 to 100: low and high, (2, planners)."""
+    rng = np.random.default_rng(0)
+    drawn = np.array([means(half, rng) for _ in range(DRAWS)])
+    return 100.0 * np.quantile(drawn, (0.025, 0.975), axis=0)
 
 
 def tau(one: np.ndarray, other: np.ndarray) -> float:

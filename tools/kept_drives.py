@@ -36,13 +36,17 @@ def complete_run(folder: Path) -> StoredRun:
 
 def refuse_others(folder: Path, suite: str, found: Iterable[Manifest]) -> None:
     """End the program if what was found in a folder is of another suite, or of other traffic than its kept drives."""
-    plain = read_run(folder_of(suite)).manifest.traffic_version
     for about in found:
         if about.suite != suite:
             raise SystemExit(f"{folder} is of {about.suite}, expected {suite}")
-        if about.traffic_version != plain:
-            other = about.traffic_version
-            raise SystemExit(f"{folder} is of traffic version {other}, the kept drives are of {plain}; drive it anew")
+        refuse_other_traffic(folder, suite, about)
+
+
+def refuse_other_traffic(folder: Path, suite: str, about: Manifest) -> None:
+    """End the program if what was found in a folder is of other traffic than the kept drives of a suite."""
+    plain, other = read_run(folder_of(suite)).manifest.traffic_version, about.traffic_version
+    if other != plain:
+        raise SystemExit(f"{folder} is of traffic version {other}, the kept drives are of {plain}; drive it anew")
 
 
 def take(folder: Path) -> None:

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from interplan_sumo.world.csv_tables import number_in, read_table, write_table
-from tools.hard_scores import RESULTS, Half, means
+from tools.hard_scores import RESULTS, Half, bounds, means
 from tools.kept_drives import complete_run, refuse_others
 from tools.kept_sweeps import SUITE
 
@@ -19,7 +19,6 @@ KEPT: Final = RESULTS / "interplan-1-seeds.csv"
 COLUMNS: Final = ("planner", "planner_hash", "traffic_version", "seed", "scenario", "family", "score")
 LEAST: Final = 2
 """Seeds of a run that is worth keeping here."""
-DRAWS: Final = 2000
 
 
 def keep_seeds(folder: Path) -> None:
@@ -58,9 +57,7 @@ def seeds() -> list[str]:
         }
         for name, by in scores.items()
     }
-    rng = np.random.default_rng(0)
-    drawn = np.array([means(half, rng) for _ in range(DRAWS)])
-    low, high = 100.0 * np.quantile(drawn, (0.025, 0.975), axis=0)
+    low, high = bounds(half)
     for place in np.argsort(-means(half), kind="stable").tolist():
         name = [*half][place]
         table = np.array([[of[seed] for seed in every] for scenes in scores[name].values() for of in scenes.values()])

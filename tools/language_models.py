@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
+from msgspec import json
+
 from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.planner import split_spec
 from interplan_sumo.report.paper_comparison import PUBLISHED_COLUMNS, published_figure, published_rows
@@ -13,7 +15,7 @@ from interplan_sumo.statistics.intervals import mean_estimate
 from interplan_sumo.statistics.scene_values import DriveValue, mean_over_scenes
 from interplan_sumo.world.csv_tables import number_in, read_table, write_table
 from tools.cells import FAMILIES, RARE, best_first, cell_text, family_titles, with_interval
-from tools.hard_scores import RESULTS
+from tools.hard_scores import RESULTS, ROOT
 
 ASKED: Final = "llm==1"
 """The suite for those who take seconds for an answer."""
@@ -26,6 +28,7 @@ MODELS: Final[Mapping[str, str]] = {
 }  # fmt: skip
 """Who chooses or writes, by the option `model`."""
 PUBLISHED: Final = ("LLMWaypoints Llama-7B", "LLMWaypoints GPT-3.5")
+ADAPTERS: Final = ROOT / "planners/interplan_llm/adapters"
 ORACLE: Final = RESULTS / "oracle.csv"
 """What the best choices that were found led to, scene by scene."""
 FOUND: Final = ("scenario", "family", "score", "done", "unsafe", "drives")
@@ -66,6 +69,37 @@ def waypoints(run: StoredRun) -> list[str]:
             figures = (published_figure(row, key) for key in keys)
             lines.append(" | ".join((f"{row['planner']} (paper, 80 scenes)", *figures, "-", "-")))
     return lines
+
+
+def adapters() -> list[str]:
+    """What each adapter of the package learned from, how long that took, and what it does with held-out examples."""
+    cards = [json.decode(file.read_bytes()) for file in sorted(ADAPTERS.glob("*.json"))]
+    shares = {
+        f"right choices of them %, {who}{where}": [_right(card["held_out"][key][what]) for card in cards]
+        for what, where in (("agreement", ""), ("agreement_where_decisive", ", where it decides"))
+        for key, who in (("before", "untuned"), ("after", "tuned"), ("always_first", "of whoever takes the first"))
+    }
+    told = {
+        "": [f"`{card['name']}`" for card in cards],
+        "examples": [str(card["examples"]["learned"]) for card in cards],
+        "minutes of one core": [f"{card['learning']['seconds'] / 60.0:.0f}" for card in cards],
+        "examples held out": [str(card["examples"]["held_out"]) for card in cards],
+        **{
+            f"their loss per token, {who}": [f"{card['held_out'][key]['token_loss']:.2f}" for card in cards]
+            for key, who in (("before", "untuned"), ("after", "tuned"))
+        },
+        **shares,
+    }
+    title, *lines = (" | ".join((name, *of)) for name, of in told.items())
+    return [title, "---|" * len(cards) + "---", *lines]
+
+
+def _right(found: Mapping[str, Any] | None) -> str:
+    """A share of examples, with its interval where there is one."""
+    if found is None:
+        return "-"
+    low, high = (100.0 * bound for bound in found["interval95"])
+    return f"{100.0 * found['share']:.0f} [{low:.0f}, {high:.0f}]"
 
 
 def keep_oracle(rows: Iterable[Mapping[str, Any]]) -> None:

@@ -5,8 +5,9 @@ nobody types its figures. `--take` puts the drives of a run folder there first, 
 place of what the same planners drove before, and without traces and details that no table needs:
 `interplan-sumo report docs/results/interplan-1` reads them like any other run. `--take-hidden` keeps the scores in hard
 scenes that are not shipped, and nothing that tells of the scenes. `--take-sweep` keeps what a sweep of tracks or of
-drivers found, `--take-seeds` the scores of a run with several seeds, `--take-kilometres` the segments of `endure`,
-`--take-parts` the errors of networks that learned from parts of the data, by their cards.
+drivers found, `--take-seeds` the scores of a run with several seeds, `--take-fresh` those of runs of generated scenes,
+`--take-kilometres` the segments of `endure`, `--take-parts` the errors of networks that learned from parts of the data,
+by their cards.
 """
 
 from __future__ import annotations
@@ -40,7 +41,9 @@ from interplan_sumo.report.text import points_text
 from interplan_sumo.verification.solvers import SOLVED_SCORE
 from tools.beside_scenes import kilometres_order, kilometres_suites
 from tools.cells import DRIVEN, FAMILIES, RARE, best_first, by_family, cell_text, family_titles, with_interval
+from tools.fresh_scenes import fresh, keep_fresh
 from tools.hard_scores import (
+    DRAWS,
     HARD,
     ROOT,
     both_halves,
@@ -63,7 +66,7 @@ from tools.kilometres import (
     kilometres_pilots,
     kilometres_weights,
 )
-from tools.language_models import ASKED, HYBRID, choosers, waypoints
+from tools.language_models import ASKED, HYBRID, adapters, choosers, waypoints
 from tools.networks import data_scaling, keep_scaling, networks, plan_times
 
 NAMES: Final[Mapping[str, str]] = {
@@ -74,7 +77,6 @@ SHORT: Final = (
     "foresight", "pdm_proposals", "idm_mobil", "pdm_closed", "gameformer", "idm", "idm_mobil?published=true", "dtpp",
 )  # fmt: skip
 """Whom README shows: one of each kind."""
-DRAWS: Final = 2000
 TABLE: Final = re.compile(r"<!-- table: ([a-z_]+) -->\n.*?<!-- end of table -->\n", re.DOTALL)
 
 
@@ -280,6 +282,7 @@ SMALL, LARGE, ORDINARY = "interplan==1", "interplan-large==1", "common==1"
 TABLES: Final[Mapping[str, tuple[Callable[..., list[str]], tuple[str, ...]]]] = {
     "tracks": (tracks, (SMALL,)),
     "seeds": (seeds, ()),
+    "fresh": (lambda rare, large: fresh(rare.strict, large.strict), (SMALL, LARGE)),
     "behaviours": (behaviours, ()),
     "short": (short, (SMALL,)),
     "planners": (planners, (SMALL,)),
@@ -298,6 +301,7 @@ TABLES: Final[Mapping[str, tuple[Callable[..., list[str]], tuple[str, ...]]]] = 
     "plan_times": (plan_times, ()),
     "choosers": (lambda rare: choosers(rare.run), (SMALL,)),
     "waypoints": (lambda asked: waypoints(asked.run), (ASKED,)),
+    "adapters": (adapters, ()),
     "hard": (hard, (HARD,)),
     "halves": (halves, (HARD,)),
     "halves_order": (halves_order, (HARD,)),
@@ -347,6 +351,9 @@ def main() -> None:
     )
     parser.add_argument("--take-sweep", type=Path, metavar="DIR", help="a folder of sweep to be stored")
     parser.add_argument("--take-seeds", type=Path, metavar="RUN", help="a run with several seeds, to be stored")
+    parser.add_argument(
+        "--take-fresh", type=Path, nargs=2, metavar=("DIR", "RUNS"), help="scenes by map, and their runs"
+    )
     parser.add_argument("--take-kilometres", type=Path, nargs="+", metavar="DIR", help="folders of endure to be stored")
     parser.add_argument("--take-parts", type=Path, nargs="+", metavar="CARD", help="cards of networks to be stored")
     given = parser.parse_args()
@@ -359,6 +366,8 @@ def main() -> None:
         keep_sweep(given.take_sweep)
     if given.take_seeds is not None:
         keep_seeds(given.take_seeds)
+    if given.take_fresh is not None:
+        keep_fresh(*given.take_fresh)
     if given.take_kilometres is not None:
         keep_kilometres(given.take_kilometres)
     if given.take_parts is not None:

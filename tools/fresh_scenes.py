@@ -1,0 +1,84 @@
+"""Fresh scenes: scores in scenes that chance made after everything was tuned, beside those in the suites.
+
+A line per planner and scene. Who drives again takes the place of its former self, and all drive the same scenes.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from interplan_sumo.families import names
+from interplan_sumo.report.table import ResultsTable
+from interplan_sumo.world.csv_tables import number_in, read_table, write_table
+from tools.cells import RARE, cell_text, family_titles
+from tools.hard_scores import RESULTS, Half, bounds, means
+from tools.kept_drives import complete_run, refuse_other_traffic
+from tools.kept_sweeps import SUITE
+
+KEPT: Final = RESULTS / "fresh.csv"
+COLUMNS: Final = ("planner", "planner_hash", "traffic_version", "scenario", "family", "score")
+
+
+def keep_fresh(scenes: Path, runs: Path) -> None:
+    """Keep the scores in those scenes that are certified, of each map a folder of `generate` and, alike named, a run.
+
+    Ends the program if the runs are of a suite or of other traffic, or if not all of their planners would have
+    driven the same scenes.
+    """
+    held = [tuple(line[name] for name in COLUMNS) for line in _lines()] if KEPT.is_file() else []
+    found = [line for made in sorted(scenes.iterdir()) if made.is_dir() for line in _certified(made, runs / made.name)]
+    again = {line[0] for line in found}
+    kept = sorted((*(line for line in held if line[0] not in again), *found), key=lambda line: (line[0], line[3]))
+    driven: dict[str, list[str]] = {}
+    for planner, _, _, scene, *_ in kept:
+        driven.setdefault(planner, []).append(scene)
+    first = next(iter(driven))
+    for planner, of in driven.items():
+        if of != driven[first]:
+            raise SystemExit(f"{planner} drove other scenes than {first}; let all drive the same")
+    write_table(KEPT, COLUMNS, kept)
+
+
+def _certified(made: Path, folder: Path) -> list[tuple[str, ...]]:
+    run = complete_run(folder)
+    about = run.manifest
+    refuse_other_traffic(folder, SUITE, about)
+    report = read_table(made / "report.csv", ("scenario_id", "certified"))
+    certified = {line["scenario_id"] for line in report if line["certified"] == "True"}
+    rows = [run.rows[key] for key in run.keys if key[0] in certified and key[2] == 0]
+    if any(row.official for row in rows):
+        raise SystemExit(f"{folder} is of {about.suite}; drive scenes of `scenarios generate`")
+    return [
+        (
+            row.planner, about.planners[row.planner].hash, str(about.traffic_version), row.scenario_id,
+            row.family, f"{row.score or 0.0:.4f}",
+        )
+        for row in rows
+    ]  # fmt: skip
+
+
+def fresh(rare: ResultsTable, large: ResultsTable) -> list[str]:
+    """What planners get in scenes of chance, beside what they have in the suite and in the large one."""
+    half: Half = {}
+    for line in _lines():
+        of = half.setdefault(line["planner"], {family: [] for family in names(ordinary=False)})
+        of[line["family"]].append(number_in(line["score"], KEPT))
+    every, (low, high) = 100.0 * means(half), bounds(half)
+    suites = [{line.planner: cell_text(line.cells[RARE]) for line in table.lines} for table in (rare, large)]
+    count = sum(map(len, next(iter(half.values())).values()))
+    titles = ("planner", rare.suite, large.suite, f"{count} fresh scenes", *family_titles(rare))
+    lines = [" | ".join(titles), "---|" * (len(titles) - 1) + "---"]
+    for place in np.argsort(-every, kind="stable").tolist():
+        name = [*half][place]
+        before = (of.get(name, "-") for of in suites)
+        total = f"{every[place]:.0f} [{low[place]:.0f}, {high[place]:.0f}]"
+        cells = (f"{100.0 * np.mean(each):.0f}" for each in half[name].values())
+        lines.append(" | ".join((f"`{name}`", *before, total, *cells)))
+    return lines
+
+
+def _lines() -> list[dict[str, str]]:
+    return read_table(KEPT, COLUMNS)
