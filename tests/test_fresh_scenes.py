@@ -21,7 +21,7 @@ from tools.kept_sweeps import SUITE
 def driven(
     place: Path, scores: dict[str, float], *, scenes: int = 80, official: bool = False, older: int = 0
 ) -> tuple[Path, Path]:
-    """Scenes of one map, as many of the suite's under other names, and a run in which each planner has one score.
+    """Scenes of one map, so many of the suite, and a run in which each planner has one score.
 
     One more scene is not certified; there all have full marks.
     """

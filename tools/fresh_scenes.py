@@ -15,7 +15,7 @@ from interplan_sumo.report.table import ResultsTable
 from interplan_sumo.world.csv_tables import number_in, read_table, write_table
 from tools.cells import RARE, cell_text, family_titles
 from tools.hard_scores import RESULTS, Half, bounds, means
-from tools.kept_drives import complete_run, refuse_other_traffic
+from tools.kept_drives import complete_run, refuse_other_traffic, traffic_of
 from tools.kept_sweeps import SUITE
 
 KEPT: Final = RESULTS / "fresh.csv"
@@ -29,7 +29,8 @@ def keep_fresh(scenes: Path, runs: Path) -> None:
     driven the same scenes.
     """
     held = [tuple(line[name] for name in COLUMNS) for line in _lines()] if KEPT.is_file() else []
-    found = [line for made in sorted(scenes.iterdir()) if made.is_dir() for line in _certified(made, runs / made.name)]
+    plain, places = traffic_of(SUITE), [made for made in sorted(scenes.iterdir()) if made.is_dir()]
+    found = [line for made in places for line in _certified(made, runs / made.name, plain)]
     again = {line[0] for line in found}
     kept = sorted((*(line for line in held if line[0] not in again), *found), key=lambda line: (line[0], line[3]))
     driven: dict[str, list[str]] = {}
@@ -42,10 +43,10 @@ def keep_fresh(scenes: Path, runs: Path) -> None:
     write_table(KEPT, COLUMNS, kept)
 
 
-def _certified(made: Path, folder: Path) -> list[tuple[str, ...]]:
+def _certified(made: Path, folder: Path, plain: int) -> list[tuple[str, ...]]:
     run = complete_run(folder)
     about = run.manifest
-    refuse_other_traffic(folder, SUITE, about)
+    refuse_other_traffic(folder, about, plain)
     report = read_table(made / "report.csv", ("scenario_id", "certified"))
     certified = {line["scenario_id"] for line in report if line["certified"] == "True"}
     rows = [run.rows[key] for key in run.keys if key[0] in certified and key[2] == 0]

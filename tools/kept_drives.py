@@ -36,16 +36,22 @@ def complete_run(folder: Path) -> StoredRun:
 
 def refuse_others(folder: Path, suite: str, found: Iterable[Manifest]) -> None:
     """End the program if what was found in a folder is of another suite, or of other traffic than its kept drives."""
+    plain = traffic_of(suite)
     for about in found:
         if about.suite != suite:
             raise SystemExit(f"{folder} is of {about.suite}, expected {suite}")
-        refuse_other_traffic(folder, suite, about)
+        refuse_other_traffic(folder, about, plain)
 
 
-def refuse_other_traffic(folder: Path, suite: str, about: Manifest) -> None:
-    """End the program if what was found in a folder is of other traffic than the kept drives of a suite."""
-    plain, other = read_run(folder_of(suite)).manifest.traffic_version, about.traffic_version
-    if other != plain:
+def traffic_of(suite: str) -> int:
+    """The version of the traffic of a suite's kept drives."""
+    return read_run(folder_of(suite)).manifest.traffic_version
+
+
+def refuse_other_traffic(folder: Path, about: Manifest, plain: int) -> None:
+    """End the program if what was found in a folder is of other traffic than the kept drives."""
+    if about.traffic_version != plain:
+        other = about.traffic_version
         raise SystemExit(f"{folder} is of traffic version {other}, the kept drives are of {plain}; drive it anew")
 
 
