@@ -15,13 +15,14 @@ export PIP_CONSTRAINT = $(CURDIR)/constraints.txt
 unexport PYTHONDONTWRITEBYTECODE
 
 DATA ?= data/ordinary
+TESTS ?= not slow and not nightly
 
 .PHONY: help setup check test test-all nightly golden mutants smoke benchmark tables docs dist data train tune-llm clean
 
 help:
 	@echo "make benchmark   drive the default suite with the recommended planner, print the table, write report.html"
 	@echo "make test        everything but the slow tests, real SUMO included (3 minutes on two cores; WORKERS=8 on eight)"
-	@echo "make test-all    the slow tests, too"
+	@echo "make test-all    the slow and the nightly tests, too; TESTS='not nightly' with make test: what every change must pass"
 	@echo "make nightly     a million agent-seconds of traffic around rude egos (an hour on two cores; FUZZ_SEED=1: others)"
 	@echo "make check       lint, format and types"
 	@echo "make golden      only the comparison with nuPlan's own values"
@@ -55,10 +56,10 @@ check: setup
 	$(BIN)/basedpyright --pythonpath $(BIN)/python
 
 test: setup
-	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal -m "not slow"
+	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal -m "$(TESTS)"
 
-test-all: setup
-	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
+test-all: TESTS =
+test-all: test
 
 nightly: setup
 	PYTHONPATH=.:planners $(BIN)/python -m benchmarks.traffic_fuzz --agent-seconds 1000000 --seed $(or $(FUZZ_SEED),0) --workers $(WORKERS)

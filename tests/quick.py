@@ -1,4 +1,4 @@
-"""What runs in a hurry: of many cases that show one behaviour a few, all of them in CI."""
+"""What runs in a hurry: of many cases that show one behaviour a few; more of them for every change, all at night."""
 
 from __future__ import annotations
 
@@ -10,14 +10,22 @@ import pytest
 from interplan_sumo.maps.store import maps
 
 
-def few(cases: Iterable[Any], quick: int) -> list[Any]:
-    """Cases for `parametrize`, all but the first so many marked as slow."""
-    return [_case(case) if number < quick else slow(case) for number, case in enumerate(cases)]
+def few(cases: Iterable[Any], quick: int, often: int | None = None) -> list[Any]:
+    """Cases for `parametrize`: the first so many as they are, up to `often` marked as slow, others as nightly."""
+    return [
+        _case(case) if number < quick else slow(case) if often is None or number < often else nightly(case)
+        for number, case in enumerate(cases)
+    ]
 
 
 def slow(case: Any) -> Any:
     """A case of `parametrize`, marked as slow."""
     return _case(case, marks=pytest.mark.slow)
+
+
+def nightly(case: Any) -> Any:
+    """A case of `parametrize`, marked as nightly."""
+    return _case(case, marks=pytest.mark.nightly)
 
 
 def _case(case: Any, **how: Any) -> Any:

@@ -174,7 +174,7 @@ def test_a_sweep_of_three_parameters_has_no_picture_and_says_so(
     assert not (tmp_path / "sweep" / "sweep.png").exists()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_an_interrupted_sweep_goes_on_where_it_was(file: Path, tmp_path: Path) -> None:
     place = tmp_path / "sweep"
     command = [

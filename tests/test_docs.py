@@ -15,6 +15,7 @@ from docs_pages import Block, blocks_of, commands_of, drive_page, mentions_of
 
 import interplan_sumo
 from interplan_sumo.cli import command_line
+from tests.quick import nightly
 from tools.docs_site.links import without_outer_links
 
 ROOT = Path(__file__).parents[1]
@@ -22,7 +23,9 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 INDEX = ROOT / "docs" / "README.md"
 RUNNING = [page for page in PAGES if any(block.runs for block in blocks_of(page))]
 QUICK = [page for page in RUNNING if page.stem == "language_models"]
-"""Whose blocks run every time, but for those that are marked; all run among the slow tests, and always in CI."""
+"""Whose blocks run every time, but for those that are marked."""
+OFTEN = ("coming_from_sumo", "python_api", "write_a_planner")
+"""Pages that every change must pass as wholes; the others take ten minutes, and few changes touch what they do."""
 
 USAGE_ERROR: type[Exception] = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
 
@@ -147,7 +150,11 @@ def test_the_quick_part_of_a_page_does_what_it_says(page: Path, tmp_path: Path) 
 
 @needs_bash
 @pytest.mark.slow
-@pytest.mark.parametrize("page", RUNNING, ids=_name)
+@pytest.mark.parametrize(
+    "page",
+    [page if page.stem in OFTEN else nightly(page) for page in RUNNING],
+    ids=_name,
+)
 def test_a_page_does_all_that_it_says(page: Path, tmp_path: Path) -> None:
     run_page(blocks_of(page), tmp_path)
 

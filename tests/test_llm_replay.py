@@ -45,7 +45,7 @@ def test_a_drive_is_repeated_from_what_was_recorded(planner: str, answers: list[
     assert {each["failure"] and each["failure"]["cause"] for each in recorded[1]} >= {None, "parse"}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("planner", "scenario", "seconds"),
     [

@@ -170,6 +170,7 @@ def test_the_map_format_is_imported_and_checked(stranger: Stranger) -> None:
     assert found["lanes"] == 4
 
 
+@pytest.mark.nightly
 def test_the_recording_is_told_by_its_content_and_becomes_scenes(stranger: Stranger) -> None:
     stranger("maps import highway.sketch.json --format sketch --out maps/recorded")
     stranger("scenarios import cars.csv --map maps/recorded --out scenes")

@@ -102,7 +102,7 @@ def test_kilometres_that_are_kept_already_are_kept_once(tmp_path: Path, monkeypa
         assert (kept / name).read_bytes() == (KEPT / name).read_bytes()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_kilometres_of_other_code_are_renewed_if_a_sample_of_them_comes_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -14,7 +14,7 @@ from interplan_sumo.families import names
 from interplan_sumo.report.table import ResultsTable
 from interplan_sumo.world.csv_tables import number_in, read_table, write_table
 from tools.cells import RARE, cell_text, family_titles
-from tools.hard_scores import RESULTS, Half, bounds, means
+from tools.hard_scores import RESULTS, Half, totals
 from tools.kept_drives import complete_run, refuse_other_traffic, traffic_of
 from tools.kept_sweeps import SUITE
 
@@ -67,15 +67,12 @@ def fresh(rare: ResultsTable, large: ResultsTable) -> list[str]:
     for line in _lines():
         of = half.setdefault(line["planner"], {family: [] for family in names(ordinary=False)})
         of[line["family"]].append(number_in(line["score"], KEPT))
-    every, (low, high) = 100.0 * means(half), bounds(half)
     suites = [{line.planner: cell_text(line.cells[RARE]) for line in table.lines} for table in (rare, large)]
     count = sum(map(len, next(iter(half.values())).values()))
     titles = ("planner", rare.suite, large.suite, f"{count} fresh scenes", *family_titles(rare))
     lines = [" | ".join(titles), "---|" * (len(titles) - 1) + "---"]
-    for place in np.argsort(-every, kind="stable").tolist():
-        name = [*half][place]
+    for name, total in totals(half).items():
         before = (of.get(name, "-") for of in suites)
-        total = f"{every[place]:.0f} [{low[place]:.0f}, {high[place]:.0f}]"
         cells = (f"{100.0 * np.mean(each):.0f}" for each in half[name].values())
         lines.append(" | ".join((f"`{name}`", *before, total, *cells)))
     return lines

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from interplan_sumo.world.csv_tables import number_in, read_table, write_table
-from tools.hard_scores import RESULTS, Half, bounds, means
+from tools.hard_scores import RESULTS, Half, totals
 from tools.kept_drives import complete_run, refuse_others
 from tools.kept_sweeps import SUITE
 
@@ -57,14 +57,11 @@ def seeds() -> list[str]:
         }
         for name, by in scores.items()
     }
-    low, high = bounds(half)
-    for place in np.argsort(-means(half), kind="stable").tolist():
-        name = [*half][place]
+    for name, total in totals(half).items():
         table = np.array([[of[seed] for seed in every] for scenes in scores[name].values() for of in scenes.values()])
         spread = 100.0 * float(np.sqrt(table.var(axis=1, ddof=1).mean()))
         apart = 1.96 * np.sqrt(2.0) * spread / np.sqrt(len(table))
         cells = (f"{100.0 * each:.0f}" for each in table.mean(axis=0))
-        total = f"{100.0 * table.mean():.0f} [{low[place]:.0f}, {high[place]:.0f}]"
         lines.append(" | ".join((f"`{name}`", *cells, total, f"{spread:.0f}", f"{apart:.0f}")))
     return lines
 

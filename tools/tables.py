@@ -48,11 +48,11 @@ from tools.hard_scores import (
     ROOT,
     both_halves,
     keep_hidden,
-    mean,
     means,
     panel_scores,
     shown_scores,
     tau,
+    totals,
 )
 from tools.kept_drives import complete_run, folder_of, take
 from tools.kept_seeds import keep_seeds, seeds
@@ -245,11 +245,11 @@ def hard(drives: Drives) -> list[str]:
     shown, panel = shown_scores(drives.run), panel_scores()
     titles = ("planner", "in the panel", "all", "solves, of 100", *family_titles(drives.strict))
     lines = [" | ".join(titles), "---|" * (len(titles) - 1) + "---"]
-    for name in sorted(shown, key=lambda name: -mean(shown[name])):
+    for name, total in totals(shown).items():
         solved = sum(score >= SOLVED_SCORE for scores in shown[name].values() for score in scores)
         cells = (f"{100.0 * float(np.mean(scores)):.0f}" for scores in shown[name].values())
         member = "no" if name not in panel else "an earlier one" if name in drives.run.planners else "yes"
-        lines.append(" | ".join((f"`{name}`", member, f"{100.0 * mean(shown[name]):.0f}", str(solved), *cells)))
+        lines.append(" | ".join((f"`{name}`", member, total, str(solved), *cells)))
     return lines
 
 
@@ -257,8 +257,8 @@ def halves(drives: Drives) -> list[str]:
     """Scores in the hard scenes that are shipped, and in those that are kept back."""
     shown, hidden = both_halves(drives.run)
     lines = ["planner | shipped | kept back", "---|---|---"]
-    for name in sorted(shown, key=lambda name: -mean(shown[name])):
-        lines.append(f"`{name}` | {100.0 * mean(shown[name]):.0f} | {100.0 * mean(hidden[name]):.0f}")
+    kept_back = totals(hidden)
+    lines.extend(f"`{name}` | {total} | {kept_back[name]}" for name, total in totals(shown).items())
     return lines
 
 

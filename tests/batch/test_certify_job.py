@@ -13,7 +13,7 @@ from interplan_sumo.scenario.suite import certificate_of, find_scenario, find_su
 SCENARIOS = [find_scenario("nudge/2"), find_scenario("nudge/7")]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_worker_finds_and_checks_what_this_process_finds() -> None:
     here = {p.scenario.id: p.certificate for p in proofs(SCENARIOS, workers=0) if p.certificate is not None}
     assert set(here) == {s.id for s in SCENARIOS}

@@ -44,7 +44,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> StoredRun:
     return run(RunOptions(PLANNERS, place / "run", scenarios=(str(place / "mine.yaml"),), workers=0))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("by_s", [86_400.0, -86_400.0])
 def test_a_clock_that_jumps_by_a_day_changes_no_row(by_s: float, undisturbed: StoredRun, tmp_path: Path) -> None:
     jumps = tmp_path / "jumps"

@@ -126,6 +126,6 @@ def test_a_damaged_file_is_one_line(made: Path, capsys: pytest.CaptureFixture[st
     check(made, capsys, range(60))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_two_thousand_damaged_files_are_one_line_each(made: Path, capsys: pytest.CaptureFixture[str]) -> None:
     check(made, capsys, range(60, 2000))

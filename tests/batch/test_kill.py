@@ -120,7 +120,7 @@ def test_a_run_killed_again_and_again_ends_like_an_undisturbed_one(tmp_path: Pat
     check_kills(tmp_path, kills=3, seed=1)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.skipif(sys.platform != "linux", reason="finds the workers in /proc")
 def test_two_hundred_kills_lose_nothing_and_double_nothing(tmp_path: Path) -> None:
     check_kills(tmp_path, kills=200, seed=2)

@@ -141,7 +141,7 @@ def on_the_strip() -> Recording:
     return recording(*(track(id, each) for id, each in poses.items()), crs=roads.crs)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_scenes_of_a_recording_are_driven_to_the_end_in_both_forms(tmp_path: Path) -> None:
     shutil.copytree(find_map("strip").folder, tmp_path / "own" / "backwater" / "1.0")
     files = find_map(tmp_path / "own" / "backwater")

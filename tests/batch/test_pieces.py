@@ -185,6 +185,7 @@ def test_pieces_that_cannot_be_written_are_an_error_in_one_line(tmp_path: Path) 
 VALUES = st.none() | st.floats(0.0, 1.0)
 
 
+@pytest.mark.slow
 @settings(max_examples=10)
 @given(VALUES, VALUES, st.none() | st.booleans(), st.none() | st.text(), st.booleans())
 def test_a_line_and_its_row_have_the_same_brief(

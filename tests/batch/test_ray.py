@@ -181,6 +181,7 @@ class Interrupting:
         raise KeyboardInterrupt(row.scenario_id)
 
 
+@pytest.mark.nightly
 def test_ones_own_scenarios_and_maps_go_on_there_and_are_verified_there_without_the_files_they_came_from(
     cluster: Any, mine: Path, tmp_path: Path
 ) -> None:
@@ -209,6 +210,7 @@ def test_a_bundle_is_judged_there(cluster: Any, mine: Path, tmp_path: Path) -> N
     assert (made.judged.equal, made.judged.drives) == (2, 2)
 
 
+@pytest.mark.nightly
 def test_the_commands_sweep_and_verify_take_the_same_workers_as_run(
     cluster: Any, mine: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -242,6 +244,7 @@ def test_a_drive_on_the_cluster_gives_the_hash_and_the_files_of_one_at_home(clus
     assert summary(run(there)) == expected
 
 
+@pytest.mark.nightly
 @pytest.mark.usefixtures("cluster")
 def test_kilometres_that_are_driven_away_from_home_are_those_driven_here(tmp_path: Path) -> None:
     blind = EndureOptions(

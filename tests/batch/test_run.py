@@ -147,7 +147,7 @@ def test_only_a_planner_of_the_run_can_be_driven_again(tmp_path: Path) -> None:
     assert not (tmp_path / "run").exists()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_worse_perception_is_another_drive_whoever_does_it_and_comes_again(tmp_path: Path) -> None:
     asked = request(tmp_path / "here", "idm", perception="noisy+occluded")
     here, there = run(asked), run(replace(asked, out=tmp_path / "there", workers=2))

@@ -187,6 +187,7 @@ def test_without_trace_files_there_are_no_plans_to_drive(copy: Path) -> None:
     assert "--with-planner drives the planner again" in found.checks[0].reason
 
 
+@pytest.mark.slow
 def test_a_missing_trace_file_leaves_the_hash_to_compare(copy: Path) -> None:
     shutil.rmtree(copy / "traces")
     found = checked(copy, STRAIGHT, with_planner=True)
@@ -235,6 +236,7 @@ def test_rows_without_a_score_are_left_out_and_counted(copy: Path) -> None:
     assert found.left_out == 2
 
 
+@pytest.mark.slow
 def test_other_versions_are_named(copy: Path) -> None:
     changes = {"planner_hash": "0" * 64}
     rewritten(copy, lambda row: structs.replace(row, versions=row.versions | {"sumo": "1.20.0"}, **changes))
@@ -246,6 +248,7 @@ def test_other_versions_are_named(copy: Path) -> None:
     assert other.changed_versions["planner"][0] == "0" * 12
 
 
+@pytest.mark.slow
 def test_a_run_with_ones_own_vehicle_types_comes_again_from_the_copy_that_it_keeps(tmp_path: Path) -> None:
     file = tmp_path / "mine.xml"
     shutil.copy(routes_root() / "urban.xml", file)

@@ -36,7 +36,7 @@ def test_every_score_statistic_and_series_is_the_same(scenario_id: str, planner:
     _compare(scenario_id, planner)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("planner", ["idm", "pdm_closed"])
 @pytest.mark.parametrize("scenario_id", OFFICIAL)

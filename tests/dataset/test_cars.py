@@ -157,7 +157,7 @@ def test_the_way_of_a_car_follows_its_lanes_and_goes_on_beyond_its_last_place() 
     assert found.id == host.id
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_every_car_of_a_drive_stays_on_its_way(stored: StoredDrive) -> None:
     every = Cars(stored.trace)
     assert len(every.tokens) >= 3

@@ -148,6 +148,7 @@ def test_what_cannot_be_written_is_refused(
         written(tmp_path / name, ours, **options)
 
 
+@pytest.mark.slow
 def test_only_clean_drives_teach(driven: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"no drive is left to export \(. score below 0\.9\)"):
         write_chats(ChatRequest(tmp_path / "a.jsonl", (driven,), benchmark=True), Teller())

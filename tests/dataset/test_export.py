@@ -38,7 +38,7 @@ def exported(driven: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_equal_drives_give_equal_files_whatever_the_workers(driven: Path, exported: Path, tmp_path: Path) -> None:
     told: list[tuple[int, int]] = []
     one = export(request(tmp_path / "b", driven, workers=1), lambda _drive, done, drives: told.append((done, drives)))

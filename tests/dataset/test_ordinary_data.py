@@ -97,7 +97,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_dataset_of_ordinary_driving_says_what_it_holds(made: Path) -> None:
     dataset = read_dataset(made)
     counts = dataset.manifest.counts
@@ -115,7 +115,7 @@ def test_a_dataset_of_ordinary_driving_says_what_it_holds(made: Path) -> None:
     assert (about.first_seed, about.samples_wanted, about.maps) == (100_000, 24, [MAP])
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_what_is_driven_is_not_driven_again_and_gives_equal_files_whatever_the_workers(
     made: Path, tmp_path: Path
 ) -> None:
@@ -126,7 +126,7 @@ def test_what_is_driven_is_not_driven_again_and_gives_equal_files_whatever_the_w
     assert files_of(tmp_path / "a") == files_of(made)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_background_cars_teach_where_the_expert_drove_badly_and_the_expert_does_not(made: Path, tmp_path: Path) -> None:
     shutil.copytree(made, tmp_path / "a")
     make_ordinary(replace(asked(tmp_path / "a", 0), min_score=0.9))
@@ -149,7 +149,7 @@ class StandStill:
         return Trajectory(observation.time_s + ahead, *(np.full(81, at) for at in (ego.x_m, ego.y_m, ego.heading_rad)))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_experts_of_whom_nothing_can_be_learned_end_it_although_there_are_cars_enough(tmp_path: Path) -> None:
     nobody = f"{__name__}:StandStill"
     with pytest.raises(InputError, match="gave no clean drive"):

@@ -130,7 +130,7 @@ def told(records: Sequence[SegmentRecord]) -> list[SegmentRecord]:
     return [structs.replace(each, wall_s=0.0, plan_ms=None) for each in records]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_workers_and_kills_change_nothing(tmp_path: Path) -> None:
     here, killed, apart = (replace(TINY, km=0.1, out=tmp_path / name) for name in ("here", "killed", "apart"))
     first = drive_kilometres(here)
@@ -176,7 +176,7 @@ def test_a_planner_that_stands_still_stalls_in_every_segment(tmp_path: Path) -> 
         assert each.metres < 60.0
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_boosted_to_the_natural_probabilities_a_segment_is_the_naive_one_to_the_bit(tmp_path: Path) -> None:
     options = replace(TINY, out=tmp_path, segment_m=200.0, density=0.3, rare=0.1)
     job = replace(SegmentPlan(options, {}).missing(3)[2], naive=True)

@@ -170,7 +170,7 @@ def test_weights_undo_what_one_boosted_event_does_to_the_next() -> None:
     assert given.interval[0] < 0.576 < given.interval[1]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_intervals_hold_the_truth_in_93_to_97_of_100_runs() -> None:
     for world in (ToyWorld(1600, 1.0, 4), ToyWorld(2000, 0.5, 4)):
         holds, _, rate, known = coverage(world, 250, seed=1)["total"]
@@ -179,14 +179,14 @@ def test_intervals_hold_the_truth_in_93_to_97_of_100_runs() -> None:
         assert rate == pytest.approx(1.0, abs=0.03)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_boosted_and_naive_rates_agree() -> None:
     holds, within = ratio_coverage(ToyWorld(2000, 0.5, 4), ToyWorld(4000, 1.0, 4), 40)
     assert holds >= 85.0
     assert within >= 97.0
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_an_interval_at_which_somebody_stopped_holds_as_well() -> None:
     holds, events, _ = stopped_coverage(ToyWorld(4000, 0.4, 4), 60, 200, 0.3)
     assert holds > 88.0

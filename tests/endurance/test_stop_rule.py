@@ -101,7 +101,7 @@ def test_a_half_width_that_cannot_be_is_refused(half_width: float) -> None:
         StopRule(half_width)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_intervals_at_which_it_ended_hold_the_truth() -> None:
     """In 95 of 100 runs at least; 3 points of error with 60."""
     truth, held = 1000.0 * WORLD.truth["total"], []

@@ -175,7 +175,7 @@ def test_all_learned_from_the_same_samples_and_beat_constant_velocity_on_new_roa
             assert errors["network"][error] < 0.8 * errors["constant_velocity"][error], (split, error)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("planner", PLANNERS)
 def test_on_plain_roads_most_drives_stay_on_the_road_for_fifteen_seconds(planner: str, tmp_path: Path) -> None:
     pytest.importorskip("onnxruntime", reason="needs onnxruntime: the extra [learned]")

@@ -181,7 +181,7 @@ def test_an_option_is_held_for_as_long_as_it_is_offered_and_then_the_policy_choo
     assert make.made[1].choices == ["creep", "go", "go"]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_plans_until_a_decision_are_handed_on() -> None:
     make = Workshop("creep", "go")
     searched(make, "go", Effort(enough=inf))

@@ -204,7 +204,7 @@ def test_seeds_for_testing_are_refused(make: Any) -> None:
         make(FIRST_SEED - 1)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_generated_scenes_go_round_families_and_maps_and_more_of_them_begin_alike() -> None:
     few, more = generated_scenes(1), generated_scenes(3)
     assert [each.scenario.family for each in few] == list(names(ordinary=False))
@@ -226,7 +226,7 @@ def test_of_what_decides_nothing_no_more_is_kept_than_of_what_does_in_each_split
     assert len(balanced(examples, 0.0)) == 2
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_file_depends_on_the_scenes_alone_and_what_is_done_is_not_done_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -255,7 +255,7 @@ def test_the_file_depends_on_the_scenes_alone_and_what_is_done_is_not_done_again
         assert [each["about"]["time_s"] for each in here] == sorted(each["about"]["time_s"] for each in here)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_workers_make_the_same_file(tmp_path: Path) -> None:
     scenes = [replace(training(number), scenario=replace(short_scenes()[number], duration_s=12.0)) for number in (0, 1)]
     for workers in (0, 2):

@@ -138,7 +138,7 @@ def test_choices_are_those_of_the_embedded_model(
     assert len(set(said)) > 1
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_default_model_reads_and_computes_the_same(tmp_path: Path) -> None:
     try:
         path = default_model()

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from tools.tune_llm.fitting import Fitting
 
 pytestmark = [
-    pytest.mark.slow,
+    pytest.mark.nightly,
     *(
         pytest.mark.skipif(importlib.util.find_spec(name) is None, reason=f"needs {name}: 'interplan-sumo[train]'")
         for name in NEEDED

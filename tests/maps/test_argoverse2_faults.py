@@ -186,8 +186,8 @@ def imported(path: Path) -> Roads:
     ("where", "seeds"),
     [
         ("street", 50),
-        pytest.param("street", 1000, marks=pytest.mark.slow),
-        pytest.param("city", 60, marks=pytest.mark.slow),
+        pytest.param("street", 1000, marks=pytest.mark.nightly),
+        pytest.param("city", 60, marks=pytest.mark.nightly),
     ],
 )
 def test_damaged_files_are_read_and_then_imported_or_refused_and_nothing_else(

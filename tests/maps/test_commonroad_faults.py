@@ -120,7 +120,7 @@ def damage(path: Path, rng: np.random.Generator) -> None:
     path.write_bytes(mutated(everything(), rng))
 
 
-@pytest.mark.parametrize("seeds", [30, pytest.param(500, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [30, pytest.param(500, marks=pytest.mark.nightly)])
 def test_damaged_files_are_read_or_refused_and_nothing_else(seeds: int, tmp_path: Path) -> None:
     readers = (read_commonroad, read_commonroad_recording, count_commonroad)
     read, refused = survive(seeds, tmp_path / "scenario.xml", damage, readers, assert_sound)

@@ -283,7 +283,7 @@ def assert_valid(roads: Roads) -> None:
     assert all(lane.polygon.is_valid for lane in (*roads.lanes.values(), *roads.connectors.values()))
 
 
-@pytest.mark.parametrize("seeds", [30, pytest.param(200, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [30, pytest.param(200, marks=pytest.mark.nightly)])
 def test_damaged_files_are_read_or_refused_and_nothing_else(
     seeds: int, file: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -190,7 +190,7 @@ def read_and_counted(path: Path) -> SourceMap:
     return source
 
 
-@pytest.mark.parametrize("seeds", [30, pytest.param(300, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [30, pytest.param(300, marks=pytest.mark.nightly)])
 def test_damaged_files_are_read_or_refused_and_nothing_else(seeds: int, file: Path) -> None:
     read, refused = survive(seeds, file, damage, [read_and_counted, count_lanelet2], assert_sound)
     assert read > 0.4

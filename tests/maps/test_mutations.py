@@ -12,7 +12,7 @@ from tests.maps.mutations import bases, mutant
 from tests.quick import few
 
 
-@pytest.mark.parametrize("seeds", few([1, 60], 0))
+@pytest.mark.parametrize("seeds", few([1, 60], 0, 0))
 def test_mutants_of_every_format_are_imported_or_refused(seeds: int, tmp_path: Path) -> None:
     kinds: set[str] = set()
     for format, files in bases(tmp_path / "bases").items():

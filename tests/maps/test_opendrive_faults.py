@@ -79,7 +79,7 @@ def test_the_undamaged_file_is_read(tmp_path: Path) -> None:
     assert_sound(source)
 
 
-@pytest.mark.parametrize("seeds", [30, pytest.param(1000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [30, pytest.param(1000, marks=pytest.mark.nightly)])
 def test_damaged_files_are_read_or_refused_and_nothing_else(seeds: int, tmp_path: Path) -> None:
     text = everything()
 
@@ -91,7 +91,7 @@ def test_damaged_files_are_read_or_refused_and_nothing_else(seeds: int, tmp_path
     assert refused > 0.1
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", ["e6mini-lht.xodr", "fabriksgatan_traffic_lights.xodr"])
 def test_damaged_real_files_are_read_or_refused_and_nothing_else(tmp_path: Path, name: str) -> None:
     text = real("opendrive", name).read_text(encoding="utf-8")

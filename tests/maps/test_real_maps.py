@@ -24,7 +24,7 @@ REAL_MAPS = {
     "town01": ("opendrive", ("opendrive", "Town01.xodr")),
     "lankershim_sumo": ("sumo", ("sumo_nets", "ngsim_lankershim.net.xml")),
 }
-by_map = pytest.mark.parametrize("name", few(REAL_MAPS, 1))
+by_map = pytest.mark.parametrize("name", few(REAL_MAPS, 1, 1))
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +65,7 @@ def test_its_network_lies_where_the_map_does(root: Path, name: str) -> None:
     assert report.lane_deviation_m.max < 0.05
 
 
-@pytest.mark.parametrize("name", few(REAL_MAPS, 1))
+@pytest.mark.parametrize("name", few(REAL_MAPS, 1, 1))
 def test_the_same_file_gives_the_same_map(root: Path, name: str, tmp_path: Path) -> None:
     files, source = imported(root, name)
     again, _ = import_map(source, REAL_MAPS[name][0], tmp_path / name)
@@ -75,7 +75,7 @@ def test_the_same_file_gives_the_same_map(root: Path, name: str, tmp_path: Path)
 
 
 @by_map
-@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.nightly)])
 def test_random_traffic_drives_a_minute_without_teleports_or_overlaps(
     root: Path, name: str, seed: int, tmp_path: Path
 ) -> None:
@@ -87,7 +87,7 @@ def test_random_traffic_drives_a_minute_without_teleports_or_overlaps(
     assert [overlap for overlap in run.overlaps if not overlap.askew] == []
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", ["pittsburgh", "karlsruhe"])
 def test_at_least_five_families_find_sites(root: Path, name: str) -> None:
     files, _ = imported(root, name)

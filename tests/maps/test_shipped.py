@@ -55,7 +55,7 @@ def test_every_plan_and_recipe_is_shipped_and_nothing_else() -> None:
 
 
 @every_drawn_map
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_shipped_map_is_the_drawn_one(name: str) -> None:
     assert roads_hash(load_roads(name)) == roads_hash(draw_plan(read_plan(PLANS[name])))
 
@@ -120,7 +120,7 @@ def test_the_shipped_network_is_faithful_and_small(name: str) -> None:
     assert files.network.stat().st_size + files.ids.stat().st_size < SMALL_BYTES
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_made_anew_a_map_is_listed_and_its_network_is_the_shipped_one(tmp_path: Path) -> None:
     assert make_map(read_plan(PLANS["south_end"]), tmp_path).ok
     made, shipped = maps(tmp_path)["south_end"], find_map("south_end")

@@ -133,6 +133,7 @@ def without(actors: Actors, name: str) -> Actors:
     return actors.only(np.array([each != name for each in actors.ids]))
 
 
+@pytest.mark.slow
 def test_a_car_that_stands_in_the_way_is_passed_although_its_track_creeps_to_and_fro() -> None:
     roads = straight_road(lanes=2, length_m=400.0, limit_mps=10.0)
     truth = together(cars((70.0, -3.5)), cars(*((8.0 * k, 12.0) for k in range(12)), prefix="row"))

@@ -68,7 +68,7 @@ def known_drivers() -> tuple[Floats, Calibration]:
     return drivers, calibrate([recording], CalibrationOptions(limits_mps={"street": LIMIT_MPS}, as_fitted=True))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_known_drivers_are_found_again() -> None:
     drivers, found = known_drivers()
     followers = [n for n, each in enumerate(found.drivers.drivers) if each.episodes]
@@ -101,6 +101,7 @@ def test_the_spacing_of_fitted_drivers_is_right_to_a_metre() -> None:
     assert np.median(known_drivers()[1].rmse_m) < 0.5
 
 
+@pytest.mark.slow
 def test_drawn_drivers_are_those_of_the_population_and_the_same_every_time() -> None:
     population = known_drivers()[1].population
     drawn = population.drawn(1024)
@@ -139,7 +140,7 @@ def test_recordings_in_which_nobody_follows_are_told() -> None:
         calibrate([RecordedTraffic("street_1", "street", (steady("a", 0.0, 10.0),))])
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_real_recordings_become_a_file_that_sumo_s_schema_takes(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

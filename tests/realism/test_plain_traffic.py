@@ -53,7 +53,7 @@ def test_tracks_are_a_minute_of_vehicles_after_the_network_has_filled_up() -> No
         assert np.median(np.abs(moved - each.speed_mps[1:])) < 0.2, each.id
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_drivers_stand_and_follow_as_their_file_has_it() -> None:
     found = feature_samples([simulated("conservative")])
     assert found["standstill_gap"].road_users > 50
@@ -63,7 +63,7 @@ def test_drivers_stand_and_follow_as_their_file_has_it() -> None:
     assert feature_samples([simulated("assertive")])["time_gap"].quantile(0.05) < 1.4
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("behaviour", ["measured_city", "measured_city_bold"])
 def test_measured_drivers_drive_into_nobody(behaviour: str) -> None:
     types = read_vehicle_types(vehicle_type_file(behaviour))

@@ -78,6 +78,7 @@ def test_the_page_shows_names_as_text_and_loads_nothing(
     assert 'title="n = 1 simulated, 12 recorded"' in page.read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_the_plot_is_drawn(tmp_path: Path, simulated: Path, capsys: pytest.CaptureFixture[str]) -> None:
     against, plot = recorded(tmp_path, platoon("here", 10.0)), tmp_path / "plot.png"
     assert ran(capsys, "traffic", "realism", simulated, "--against", against, "--plot", plot)[0] == 0
@@ -129,7 +130,7 @@ def test_a_vehicle_type_file_is_told_from_fcd_output_and_a_broken_one_is_refused
     assert "drivers.xml, line 1" in err
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_shipped_file_is_simulated_by_its_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     against = recorded(tmp_path, platoon("here", 10.0))
     code, out, err = ran(capsys, "traffic", "realism", "conservative", "--against", against, "--json")

@@ -295,6 +295,7 @@ def test_every_panel_has_the_scale_0_to_100_and_says_of_how_many_drives_it_is() 
     assert sweep_plot._counted(MEASURES[0], lines) == "score (0 to 100)\nn = 2 scenarios, 6 drives"
 
 
+@pytest.mark.slow
 def test_two_parameters_of_several_planners_have_a_row_of_maps_for_each(tmp_path: Path) -> None:
     sizes: list[int] = []
     for planners in (("idm",), ("idm", "pdm")):

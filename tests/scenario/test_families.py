@@ -81,6 +81,7 @@ def different(a: tuple[str, str, float], b: tuple[str, str, float]) -> bool:
     return a[:2] != b[:2] or abs(a[2] - b[2]) >= 50.0
 
 
+@pytest.mark.slow
 def test_no_two_official_scenarios_of_a_family_share_a_site_and_each_family_is_on_both_sides_of_driving() -> None:
     for family in BENCHMARK:
         rows = [scenario for scenario in find_suite(DEFAULT_SUITE).scenarios if scenario.family == family]

@@ -38,6 +38,7 @@ from interplan_sumo.verification.reachability import unreachable
 from interplan_sumo.verification.start_checks import start_problems
 from interplan_sumo.world.csv_tables import read_table
 from interplan_sumo.world.trace import EgoTrack
+from tests.quick import nightly
 
 RELEASED = {
     "interplan==1": (80, "0babd01f52b400c03b3dcc3e5ffa22c767a6dbe43734be8900eda1d735e0b8af"),
@@ -87,12 +88,12 @@ def test_scenarios_are_those_of_the_lock_in_the_same_order() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("key", [*WHOLE, "interplan==1"])
+@pytest.mark.parametrize("key", ["interplan==1", *map(nightly, WHOLE)])
 def test_a_suite_is_what_its_lock_says(key: str) -> None:
     assert lock(find_suite(key)) == read_lock(key)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("key", WHOLE)
 def test_official_scenarios_pass_every_start_check(key: str) -> None:
     for scenario in find_suite(key).scenarios:

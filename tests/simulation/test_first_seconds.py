@@ -92,7 +92,7 @@ def test_nobody_changes_lane_in_its_first_two_seconds_but_later() -> None:
     assert max(lanes) > 1.0
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("model", [model for model in MODELS if model != "PWagner2009"])  # it brakes hard by chance
 def test_on_the_maps_who_starts_and_who_comes_later_brakes_mildly(model: str, tmp_path: Path) -> None:
     scenario = find_scenario("lane_change_htd/5")

@@ -251,7 +251,7 @@ def flowing(number: int) -> Scenario:
     return random_scenario(name, np.random.default_rng(number), number, obstacles=number % 2 == 0)
 
 
-@pytest.mark.parametrize("number", few(range(1, 60), 2))
+@pytest.mark.parametrize("number", few(range(1, 60), 2, 4))
 def test_no_vehicle_appears_in_sight_or_in_anothers_way(number: int) -> None:
     audit = audited(flowing(number), seed=number, steps=200, wild=False)
     assert audit.faults == []

@@ -27,7 +27,7 @@ def test_a_reckless_ego_upsets_nobody_else_and_equal_runs_are_equal(number: int)
     assert first.hash == second.hash
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("obstacles", [False, True])
 @pytest.mark.parametrize("number", range(100))
 def test_a_hundred_reckless_egos_upset_nobody_else(number: int, obstacles: bool) -> None:

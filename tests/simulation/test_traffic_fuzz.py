@@ -11,7 +11,7 @@ SEED = 23
 AGENT_S = 20_000.0
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_no_vehicle_does_what_none_can_whatever_the_ego_does() -> None:
     """`python -m benchmarks.traffic_fuzz --seed 23 --case N` repeats a drive; a million in `make nightly`."""
     reports = fuzz(AGENT_S, seed=SEED, maps=Maps((*SHIPPED_MAPS, *imported_maps())), steps=300, workers=1, quiet=True)

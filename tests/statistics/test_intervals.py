@@ -191,14 +191,14 @@ def test_what_is_printed_as_detectable_is_detected() -> None:
     assert found == pytest.approx(0.8, abs=0.07)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("suite", SUITES[:6], ids=lambda suite: suite.title)
 def test_coverage_is_95_percent(suite: MadeUpSuite) -> None:
     held, _ = coverage(suite, 4000, np.random.default_rng(27))
     assert 0.93 <= held <= 0.97
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("pair", PAIRS[:3], ids=lambda pair: pair.title)
 def test_power_is_80_percent(pair: PairedSuite) -> None:
     wrong, held, _, found = detection(pair, 4000, np.random.default_rng(27))

@@ -20,6 +20,7 @@ from interplan_sumo.verification.solvers import solving_drive
 from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.trace import EgoTrack
 from tests.metrics.staging import drive_at, facts_of
+from tests.quick import few
 
 
 @cache
@@ -36,10 +37,7 @@ def proof() -> Certificate:
 
 @pytest.mark.parametrize(
     "scenario_id",
-    [
-        pytest.param(id, marks=pytest.mark.slow)
-        for id in ("overtake/1", "accident/9", "jaywalker/5", "lane_change_ltd/6")
-    ],
+    few(["overtake/1", "jaywalker/5", "accident/9", "lane_change_ltd/6"], 0, 2),
 )
 def test_a_scenario_of_each_kind_is_certified_and_its_proof_holds(scenario_id: str) -> None:
     scenario = find_scenario(scenario_id)

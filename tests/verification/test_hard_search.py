@@ -288,7 +288,7 @@ def table(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_scenes_hard_for_a_planner_are_found_on_a_shipped_map_driven_by_others_and_kept(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -98,7 +98,7 @@ def test_lane_changes_of_three_densities_share_their_slots() -> None:
     assert sum(len(slot.families) for slot in slots("interplan-large==1", 40)) == 320
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_every_slot_has_a_roadblock_of_its_own_its_drivers_and_its_id(small: SuiteSearch) -> None:
     assert small.missing == []
     assert len({each.candidate.block for each in small.filled.values()}) == 60
@@ -138,7 +138,7 @@ def test_ordinary_scenes_have_their_own_drivers_and_share_roads_between_types(
     assert [folder.name for folder in write_suites(search, tmp_path)] == ["common-1"]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_same_seed_gives_the_same_suite_whatever_the_order_of_the_verdicts(small: SuiteSearch) -> None:
     again = SuiteSearch("interplan==1", MAPS, Seed(0))
     again.run(lambda candidates: reversed(list(picky(candidates))))
@@ -147,7 +147,7 @@ def test_the_same_seed_gives_the_same_suite_whatever_the_order_of_the_verdicts(s
     assert other.isdisjoint(s.hash() for s, _ in small.scenes(10))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_what_failed_is_written_down_and_counted_without_its_numbers(small: SuiteSearch, tmp_path: Path) -> None:
     found = counts(small.rejections())
     assert (60, "start", "no") in found
@@ -158,7 +158,7 @@ def test_what_failed_is_written_down_and_counted_without_its_numbers(small: Suit
     assert len(lines) == 1 + sum(number for number, _, _ in found)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_suites_are_written_as_the_package_reads_them(small: SuiteSearch, tmp_path: Path) -> None:
     folders = write_suites(small, tmp_path)
     assert [each.name for each in folders] == ["interplan-1", "smoke-1", "llm-1"]
@@ -209,7 +209,7 @@ def test_a_suite_goes_on_from_what_there_is_of_it_and_writes_that_again_byte_for
         assert (folders["interplan-large-1"] / name).read_bytes() == (there.folder / name).read_bytes()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_of_a_secret_seed_the_certificates_lie_elsewhere_and_ids_are_its_own(tmp_path: Path) -> None:
     seed = Seed.secret(b"nobody has ever seen this\n")
     assert seed == Seed.secret(b"nobody has ever seen this")
@@ -222,7 +222,7 @@ def test_of_a_secret_seed_the_certificates_lie_elsewhere_and_ids_are_its_own(tmp
     assert all("/hidden-" in each for each in ids)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_verdict_that_is_kept_is_not_looked_for_again(small: SuiteSearch, tmp_path: Path) -> None:
     candidate = next(iter(small.filled.values())).candidate
     fast = tuple(replace(s, start_speed_mps=99.0) for s in candidate.scenarios)  # against the limit: judged at once

@@ -144,7 +144,8 @@ def tests_of(module: str) -> tuple[str, ...]:
 
 def pass_in(tree: Path, tests: tuple[str, ...], *options: str) -> bool:
     """Whether tests pass in a copy of the tree."""
-    command = [sys.executable, "-m", "pytest", "-x", "-p", "no:cacheprovider", "-m", "not slow", *options, *tests]
+    quick = ("-p", "no:cacheprovider", "-m", "not slow and not nightly")
+    command = [sys.executable, "-m", "pytest", "-x", *quick, *options, *tests]
     env = os.environ | {"PYTHONPATH": f"{tree}{os.pathsep}{tree / 'planners'}", "OPENBLAS_NUM_THREADS": "1"}
     out = None if options else subprocess.DEVNULL
     with subprocess.Popen(command, cwd=tree, env=env, stdout=out, start_new_session=True) as run:
