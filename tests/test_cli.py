@@ -165,6 +165,7 @@ def test_maps_convert_builds_the_same_network_again(capsys: pytest.CaptureFixtur
     assert said(capsys, "maps", "check", folder, "--json")["ok"] is True
 
 
+@pytest.mark.slow
 def test_maps_render_draws_a_picture(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     name = find_suite(DEFAULT_SUITE).scenarios[0].map
     assert ran(capsys, "maps", "render", name, tmp_path / "map.png")[0] == 0

@@ -173,6 +173,7 @@ def test_a_row_and_trace_of_another_drive_are_found_with_step_and_distance(copy:
     assert not check.within_bars
 
 
+@pytest.mark.slow
 def test_a_score_that_was_tampered_with_is_found(copy: Path) -> None:
     rewritten(copy, lambda row: more(row, -2 * SCORE_BAR))
     assert verdicts(checked(copy, STRAIGHT))["mine/1"] == "differs"

@@ -19,20 +19,16 @@ from interplan_sumo.world.ego import PACIFICA, EgoState
 from interplan_sumo.world.geometry import Pose
 from interplan_sumo.world.signals import Signals
 from tests.planners.staging_planners import driven
+from tests.quick import slow
 
-PLANNERS = ("foresight", "foresight?budget=fast", "idm", "idm_mobil", "idm_mobil?published=true", "pdm_closed")
-DRIVERS = ("foresight", "foresight?budget=fast", "idm", "idm_mobil", "pdm_closed")
-LEARNED = ("dtpp", "flow_drive", "gameformer", "gc_pgp", "pdm_hybrid", "pdm_open", "urban_driver")
-"""May drive badly, but must plan."""
+DRIVERS = ("foresight", "idm", "idm_mobil", "pdm_closed", slow("foresight?budget=fast"))
+PLANNERS = (*DRIVERS, slow("idm_mobil?published=true"))
 NEEDS_ONNX = pytest.mark.skipif(find_spec("onnxruntime") is None, reason="needs onnxruntime: the extra [learned]")
-ALL = (
-    *PLANNERS,
-    *(
-        pytest.param(name, marks=(NEEDS_ONNX, *([] if name == "urban_driver" else [pytest.mark.slow])))
-        for name in LEARNED
-    ),
+LEARNED = tuple(
+    pytest.param(name, marks=(NEEDS_ONNX, *([] if name == "urban_driver" else [pytest.mark.slow])))
+    for name in ("dtpp", "flow_drive", "gameformer", "gc_pgp", "pdm_hybrid", "pdm_open", "urban_driver")
 )
-"""Of the learned ones one in a hurry."""
+"""May drive badly, but must plan; one of them in a hurry."""
 ROAD = mission(straight_road(lanes=1, length_m=300.0, limit_mps=13.9, cuts_m=((120.0, 135.0),)), ("11", "21", "31"))
 ROADS = straight_road(lanes=3, length_m=300.0, limit_mps=13.9, cuts_m=((120.0, 135.0),))
 WIDE = mission(ROADS, ("12", "22", "32"))
@@ -105,7 +101,7 @@ def end_of(spec: str, scene: Scene, steps: int) -> EgoState:
 
 
 @pytest.mark.parametrize("name", ODD_FOR_A_NETWORK)
-@pytest.mark.parametrize("spec", [pytest.param(name, marks=NEEDS_ONNX) for name in LEARNED])
+@pytest.mark.parametrize("spec", LEARNED)
 def test_every_plan_of_a_network_is_valid(spec: str, name: str) -> None:
     end_of(spec, SCENES[name], 3)
 
@@ -124,7 +120,7 @@ def test_who_is_in_the_junction_when_it_turns_red_clears_it(spec: str) -> None:
     assert end_of(spec, SCENES["inside the junction when it turns red"], 40).x_m > 10.0
 
 
-@pytest.mark.parametrize("spec", ALL)
+@pytest.mark.parametrize("spec", [*PLANNERS, *LEARNED])
 def test_every_planner_conforms(spec: str) -> None:
     assert_planner_conforms(spec, steps=6)
 

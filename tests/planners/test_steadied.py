@@ -96,6 +96,7 @@ def test_who_moves_at_a_walk_or_faster_does_not_stand(speed_mps: float) -> None:
         assert not any(found.get(name, False) for name in movers.ids)
 
 
+@pytest.mark.slow
 def test_who_sets_off_is_found_out_within_a_second() -> None:
     def setting_off(after_s: float) -> list[Actors]:
         """Stood until `after_s` ago, and has accelerated with 2 m/s2 since."""

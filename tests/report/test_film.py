@@ -59,6 +59,7 @@ def test_a_still_shows_the_frame_that_is_asked_for_and_is_the_same_every_time(tm
     assert (tmp_path / "late.png").read_bytes() == (tmp_path / "again.png").read_bytes()
 
 
+@pytest.mark.slow
 def test_two_drives_stand_one_above_the_other(tmp_path: Path) -> None:
     write_film([driven(name="idm")], tmp_path / "one.png", from_s=0.0)
     write_film([driven(name="idm"), driven(11, name="other")], tmp_path / "two.png", from_s=2.0)
@@ -73,6 +74,7 @@ def head(tmp_path: Path, **names: Any) -> Any:
     return picture(tmp_path / "head.png")[:STRIP]
 
 
+@pytest.mark.slow
 def test_a_planner_with_many_options_is_cut_so_that_the_rest_has_room(tmp_path: Path) -> None:
     whole, cut, longer = (head(tmp_path, name="p" * (PLANNER_CHARS + more)) for more in (0, 1, 40))
     assert (cut == longer).all()
@@ -85,6 +87,7 @@ def test_a_long_name_leaves_the_time_alone(tmp_path: Path) -> None:
     assert (short == long).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "frames", "duration_ms"),
     [({"speed": 0.5}, 21, 200), ({"speed": 5.0}, 11, 40), ({"from_s": 0.5, "to_s": 1.0}, 6, 100)],
@@ -203,6 +206,7 @@ def test_a_bar_changes_with_its_light_and_keeps_its_colour_after_the_end(tmp_pat
     assert {status for _, status in shot.shown(9, shot.view(9, SCALE))} == {SignalStatus.GREEN}
 
 
+@pytest.mark.slow
 def test_nothing_is_drawn_where_no_light_is_or_none_was_seen(tmp_path: Path) -> None:
     unlit = replace(driven(), trace=replace(driven().trace, signals=(signals(red=["11"]),) * 21))
     for dark in (drive_at_lights(Signals.none()), unlit):

@@ -88,6 +88,7 @@ def test_sumo_plays_the_drive_to_its_end_with_everybody_where_they_were(
             assert found[key] == pytest.approx(wanted[key], abs=0.01), key
 
 
+@pytest.mark.slow
 def test_who_leaves_or_comes_on_the_way_does_so_in_sumo(drives: dict[str, StoredDrive], tmp_path: Path) -> None:
     drive = drives["construction/0"]
     rows = drive.trace.actors.to_frame()
@@ -168,6 +169,7 @@ def test_the_lights_of_the_rerun_begin_where_those_of_the_drive_do(
         libsumo.close()
 
 
+@pytest.mark.slow
 def test_the_folder_can_be_moved_and_equal_calls_write_equal_files(
     drives: dict[str, StoredDrive], tmp_path: Path
 ) -> None:

@@ -213,7 +213,6 @@ def test_ids_of_digits_need_no_quotes_and_repeated_parts_can_be_named_once(tmp_p
         (TEXT, "- 1", "line 1: this is a list, expected a scenario"),
         (TEXT, "", "is empty; `interplan-sumo scenarios export ID"),
         (TEXT, "a: \x07", "this is not YAML: "),
-        (TEXT, "[" * 5000, "this is no scenario: lists inside lists without end"),
     ],
 )  # fmt: skip
 def test_a_fault_is_one_line_that_names_the_file_and_what_would_be_right(

@@ -85,9 +85,12 @@ def test_nesting_is_followed_only_so_deep(tmp_path: Path, levels: int, said: str
     path.write_text("[" * levels + "]" * levels)
     with pytest.raises(ScenarioError, match=said):
         read_scenarios(path)
-    path.write_text("[" * 200_000)
+
+
+def test_nesting_without_end_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "deep.yaml").write_text("[" * 200_000)
     with pytest.raises(ScenarioError, match="lists inside lists without end"):
-        read_scenarios(path)
+        read_scenarios(tmp_path / "deep.yaml")
 
 
 def test_scenarios_know_of_the_maps_beside_their_file(tmp_path: Path) -> None:
