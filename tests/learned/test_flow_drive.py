@@ -104,7 +104,7 @@ def ends(model: made.FlowDrive, batch: Any, plans: Any, time: float = 0.5) -> An
         return model.flow(tokens, empty, plans, torch.full((*plans.shape[:2], 1), time))
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 def test_plans_of_one_scene_do_not_see_one_another(model: made.FlowDrive, batch: Any) -> None:
     plans = torch.randn(4, 3, POSES, len(CHANNELS), generator=torch.Generator().manual_seed(0))
     together = ends(model, batch, plans)
@@ -116,7 +116,7 @@ def test_plans_of_one_scene_do_not_see_one_another(model: made.FlowDrive, batch:
     assert not torch.allclose(changed[:, 0], together[:, 0], atol=1e-2)
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["ego", "agents", "lanes", "route_lanes"])
 def test_what_it_sees_moves_where_the_flow_ends(model: made.FlowDrive, batch: Any, name: str) -> None:
     plans = torch.zeros(4, 1, POSES, len(CHANNELS))
@@ -125,7 +125,7 @@ def test_what_it_sees_moves_where_the_flow_ends(model: made.FlowDrive, batch: An
     assert not torch.allclose(ends(model, batch, plans, 0.0), ends(model, batch, plans, 0.9), atol=1e-3)
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 def test_poses_after_the_end_of_a_drive_ask_for_nothing(model: made.FlowDrive, batch: Any) -> None:
     ended = {**batch, "wanted_valid": batch["wanted_valid"].clone()}
     ended["wanted_valid"][:, 8:] = False
@@ -147,7 +147,7 @@ def test_it_learns_where_a_few_drives_went(recipe: Recipe, tiny_data: Dataset, t
     assert error_m < loop.constant_velocity_errors(held)["ade"]
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 def test_it_drives_with_any_weights_the_same_way_each_time(
     recipe: Recipe, model: made.FlowDrive, batch: Any, tmp_path: Path
 ) -> None:

@@ -20,7 +20,7 @@ from interplan_sumo.wheel.session import Seating, Session, StoredStart
 from tests.scenes import scene
 from tests.wheel.visitors import asked, events, hold
 
-pytestmark = pytest.mark.nightly
+pytestmark = pytest.mark.slow
 
 
 class Robot(threading.Thread):

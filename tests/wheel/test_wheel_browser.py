@@ -22,7 +22,7 @@ from tests.scenes import scene
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
-pytestmark = pytest.mark.nightly
+pytestmark = pytest.mark.slow
 
 PAD = "{connected: true, axes: [0.3], buttons: [0, 0, 0, 0, 0, 0, {value: 0.8}, {value: 0}]}"
 """A gamepad whose left trigger is pulled: it brakes."""
