@@ -7,13 +7,13 @@ import os
 import subprocess
 import sys
 import threading
-import time
 
 import pytest
 
 from interplan_llm.models.endpoint import address, key_for, spelled, within
 from interplan_sumo.errors import InputError
 from interplan_sumo.extras import library
+from tests.yardstick import at_most
 
 BOTH = {"INTERPLAN_LLM_KEY": "ours", "OPENAI_API_KEY": "theirs"}
 
@@ -34,9 +34,8 @@ def test_a_key_is_found_however_json_spells_it(text: str) -> None:
 def test_what_is_no_key_stays_and_takes_no_time() -> None:
     for text in ("sk-a/", KEY[:-1], KEY.upper(), BY_NUMBER[:-1]):
         assert spelled(KEY).sub("[key]", text) == text
-    began_s = time.process_time()
-    assert spelled("/" + KEY).sub("", "\\" * 200_000) == "\\" * 200_000
-    assert time.process_time() - began_s < 2.0
+    with at_most(100):
+        assert spelled("/" + KEY).sub("", "\\" * 200_000) == "\\" * 200_000
 
 
 @pytest.mark.parametrize(("url", "key"), [

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -15,6 +14,7 @@ from interplan_sumo.maps.rules import MAX_OVERLAP_M, MAX_SPACING_M, overlapping,
 from interplan_sumo.world.geometry import Polyline
 from interplan_sumo.world.roads import Roads
 from tests.maps.road_worlds import GridPlan, grid_city
+from tests.yardstick import at_most
 
 CITY = grid_city(GridPlan(columns=2, rows=2, lanes=2, spacing_m=60.0))
 LANE, OTHER = list(CITY.lanes.values())[:2]
@@ -154,11 +154,10 @@ def test_lanes_of_many_vertices_overlap_as_plain_ones_do(depth_m: float, pairs: 
         edges = [np.stack((at_m, bend_m + right_m + left_m), axis=1) for left_m in (0.0, 3.0)]
         return shapely.Polygon(np.concatenate((edges[0], edges[1][::-1])))
 
-    start_s = time.process_time()
-    found = overlapping(np.array([lane(0.0), lane(3.0 - depth_m), lane(6.0)]))
+    with at_most(60):
+        found = overlapping(np.array([lane(0.0), lane(3.0 - depth_m), lane(6.0)]))
     assert [(one, other) for one, other, _ in found] == [(0, 1)] * pairs
     assert all(width_m == pytest.approx(depth_m, rel=0.2) for *_, width_m in found)
-    assert time.process_time() - start_s < 1.0
 
 
 def test_connectors_may_overlap() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from interplan_sumo.errors import ScenarioError
 from interplan_sumo.scenario.files import read_scenario, read_scenarios, scenario_text, write_scenario
 from interplan_sumo.scenario.recorded_parts import ReplayedTrack
 from interplan_sumo.scenario.scenario import Jaywalker, LanePosition, PlacedVehicle, Scenario, TrafficDemand
+from tests.yardstick import at_most
 
 PLACE = LanePosition("11", 20.0)
 BARE = Scenario("tiny.recorded/0", "recorded", "tiny_road", PLACE, 5.0, LanePosition("31", 20.0), ("1", "2", "3"))
@@ -74,9 +74,8 @@ def test_sixty_tracks_of_eleven_seconds_are_read_in_a_moment(tmp_path: Path) -> 
     column = [tuple(np.round(rng.uniform(-5e3, 5e3, 110), 3).tolist()) for _ in range(5)]
     tracks = tuple(ReplayedTrack(str(i), "vehicle", 4.6, 1.85, 0, *column) for i in range(60))
     write_scenario(replace(BARE, replayed=tracks), tmp_path / "scene.yaml")
-    began_s = time.process_time()
-    read_scenario(tmp_path / "scene.yaml")
-    assert time.process_time() - began_s < 5.0  # 0.4 s where this was written
+    with at_most(200):
+        read_scenario(tmp_path / "scene.yaml")
 
 
 @pytest.mark.parametrize(("levels", "said"), [(90, "expected"), (110, "lists inside lists without end")])

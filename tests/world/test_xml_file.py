@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import gzip
-import time
 from pathlib import Path
 
 import pytest
 
 from interplan_sumo.errors import MapError
 from interplan_sumo.world.xml_file import DEEPEST, LONGEST_PIECE_BYTES, elements, root_of
+from tests.yardstick import at_most
 
 
 def written(folder: Path, inner: str, *, zipped: bool = False) -> Path:
@@ -22,10 +22,8 @@ def written(folder: Path, inner: str, *, zipped: bool = False) -> Path:
 @pytest.mark.parametrize("piece", ["<edge id='{}'/>", "<!-- {} -->"])
 def test_a_tag_without_end_is_refused_long_before_its_end(piece: str, zipped: bool, tmp_path: Path) -> None:
     path = written(tmp_path, piece.format("0 " * 4_000_000), zipped=zipped)
-    start_s = time.process_time()
-    with pytest.raises(MapError, match=r"a\.xml: a tag or a text is more than 1 MiB long"):
+    with at_most(60), pytest.raises(MapError, match=r"a\.xml: a tag or a text is more than 1 MiB long"):
         list(elements(path, "net"))
-    assert time.process_time() - start_s < 1.0
 
 
 def test_long_values_below_the_limit_are_read(tmp_path: Path) -> None:
