@@ -24,7 +24,7 @@ INDEX = ROOT / "docs" / "README.md"
 RUNNING = [page for page in PAGES if any(block.runs for block in blocks_of(page))]
 QUICK = [page for page in RUNNING if page.stem == "language_models"]
 """Whose blocks run every time, but for those that are marked."""
-OFTEN = ("coming_from_sumo", "python_api", "write_a_planner")
+OFTEN = ("python_api", "write_a_planner")
 """Pages that every change must pass as wholes; the others take ten minutes, and few changes touch what they do."""
 
 USAGE_ERROR: type[Exception] = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from time import process_time
 
 
 @contextmanager
-def at_most(loops: float) -> Iterator[None]:
+def at_most(loops: float) -> Generator[None]:
     """What is done inside takes no more time of the processor than so many loops of a million steps."""
     began_s = process_time()
     yield

@@ -27,7 +27,7 @@ def test_a_worker_finds_and_checks_what_this_process_finds() -> None:
     assert "score" in checked["nudge/2"].problems[0]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_certificate_names_who_of_the_panel_solves_the_scenario_and_an_open_one_nobody() -> None:
     stored = ((each, certificate_of(each.id, each.hash())) for each in find_suite("interplan==1").scenarios)
     solved = next(each for each, proof in stored if proof is not None and "pdm_closed" in (proof.solved_by or ()))

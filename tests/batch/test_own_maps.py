@@ -115,6 +115,7 @@ def test_every_command_about_scenarios_finds_the_map_beside_the_file(
     assert main(["scenarios", "audit", file, "--workers", "0", "--quiet", "--planner", "straight_ahead"]) == 0
 
 
+@pytest.mark.nightly
 def test_certificates_of_a_file_are_stored_beside_it(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -144,7 +144,7 @@ def test_workers_and_kills_change_nothing(tmp_path: Path) -> None:
     assert told(drive_kilometres(here)) == told(first)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_line_that_was_deleted_is_driven_again_though_later_ones_are_there(tmp_path: Path) -> None:
     options = replace(TINY, km=0.2, out=tmp_path)
     first = drive_kilometres(options)

@@ -96,7 +96,7 @@ def test_drivers_who_waver_as_measured_err_by_a_share_of_their_acceleration_and_
     assert found[1] == (ERROR, 2.0)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_spacing_of_fitted_drivers_is_right_to_a_metre() -> None:
     assert np.median(known_drivers()[1].rmse_m) < 0.5
 
