@@ -34,7 +34,7 @@ def test_a_key_is_found_however_json_spells_it(text: str) -> None:
 def test_what_is_no_key_stays_and_takes_no_time() -> None:
     for text in ("sk-a/", KEY[:-1], KEY.upper(), BY_NUMBER[:-1]):
         assert spelled(KEY).sub("[key]", text) == text
-    with at_most(100):
+    with at_most(67):
         assert spelled("/" + KEY).sub("", "\\" * 200_000) == "\\" * 200_000
 
 

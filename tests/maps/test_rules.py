@@ -154,7 +154,7 @@ def test_lanes_of_many_vertices_overlap_as_plain_ones_do(depth_m: float, pairs: 
         edges = [np.stack((at_m, bend_m + right_m + left_m), axis=1) for left_m in (0.0, 3.0)]
         return shapely.Polygon(np.concatenate((edges[0], edges[1][::-1])))
 
-    with at_most(60):
+    with at_most(33):
         found = overlapping(np.array([lane(0.0), lane(3.0 - depth_m), lane(6.0)]))
     assert [(one, other) for one, other, _ in found] == [(0, 1)] * pairs
     assert all(width_m == pytest.approx(depth_m, rel=0.2) for *_, width_m in found)
