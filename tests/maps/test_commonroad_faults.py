@@ -13,6 +13,7 @@ from interplan_sumo.maps.importers.commonroad.reader import read_commonroad
 from interplan_sumo.recordings.commonroad import read_commonroad_recording
 from tests.maps.commonroad_files import lanelet, location, points, rectangle, scenario, sign, state, written
 from tests.maps.damaged import assert_sound, mutated, refusal, survive
+from tests.quick import few
 
 
 def test_a_file_that_is_not_there(tmp_path: Path) -> None:
@@ -120,7 +121,7 @@ def damage(path: Path, rng: np.random.Generator) -> None:
     path.write_bytes(mutated(everything(), rng))
 
 
-@pytest.mark.parametrize("seeds", [30, pytest.param(500, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("seeds", few([30, 500], 1, 1))
 def test_damaged_files_are_read_or_refused_and_nothing_else(seeds: int, tmp_path: Path) -> None:
     readers = (read_commonroad, read_commonroad_recording, count_commonroad)
     read, refused = survive(seeds, tmp_path / "scenario.xml", damage, readers, assert_sound)

@@ -21,6 +21,7 @@ from interplan_sumo.world.roads import Roads
 from tests.maps.damaged import refusal, survive
 from tests.maps.map_files import altered_copy, blob, edited, geometry_in, mutate
 from tests.maps.road_worlds import GridPlan, grid_city
+from tests.quick import few
 
 
 @pytest.fixture(scope="module")
@@ -283,7 +284,7 @@ def assert_valid(roads: Roads) -> None:
     assert all(lane.polygon.is_valid for lane in (*roads.lanes.values(), *roads.connectors.values()))
 
 
-@pytest.mark.parametrize("seeds", [30, pytest.param(200, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("seeds", few([30, 200], 1, 1))
 def test_damaged_files_are_read_or_refused_and_nothing_else(
     seeds: int, file: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:

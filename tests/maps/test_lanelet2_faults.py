@@ -16,6 +16,7 @@ from interplan_sumo.maps.importers.lanelet2.reader import read_lanelet2
 from interplan_sumo.maps.importers.source import SourceMap
 from tests.maps.damaged import assert_sound, mutated, refusal, survive
 from tests.maps.lanelet2_files import Encoding, Osm, Point, crossing
+from tests.quick import few
 
 
 def test_a_file_that_is_not_there(tmp_path: Path) -> None:
@@ -190,7 +191,7 @@ def read_and_counted(path: Path) -> SourceMap:
     return source
 
 
-@pytest.mark.parametrize("seeds", [30, pytest.param(300, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("seeds", few([30, 300], 1, 1))
 def test_damaged_files_are_read_or_refused_and_nothing_else(seeds: int, file: Path) -> None:
     read, refused = survive(seeds, file, damage, [read_and_counted, count_lanelet2], assert_sound)
     assert read > 0.4

@@ -10,6 +10,7 @@ import pytest
 from interplan_sumo.maps.importers.opendrive.reader import read_opendrive
 from tests.maps.damaged import assert_sound, mutated, refusal, survive
 from tests.maps.opendrive_files import crossing, cubic, geometry, lane, road, section, signal, written, xodr
+from tests.quick import few
 from tests.realdata import real
 
 
@@ -79,7 +80,7 @@ def test_the_undamaged_file_is_read(tmp_path: Path) -> None:
     assert_sound(source)
 
 
-@pytest.mark.parametrize("seeds", [30, pytest.param(1000, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("seeds", few([30, 1000], 1, 1))
 def test_damaged_files_are_read_or_refused_and_nothing_else(seeds: int, tmp_path: Path) -> None:
     text = everything()
 

@@ -75,7 +75,7 @@ def test_the_same_file_gives_the_same_map(root: Path, name: str, tmp_path: Path)
 
 
 @by_map
-@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("seed", few([1, 2], 1, 1))
 def test_random_traffic_drives_a_minute_without_teleports_or_overlaps(
     root: Path, name: str, seed: int, tmp_path: Path
 ) -> None:

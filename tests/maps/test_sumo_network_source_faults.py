@@ -14,6 +14,7 @@ from interplan_sumo.maps.importers.sumo.count import count_sumo_network
 from interplan_sumo.maps.importers.sumo.reader import read_sumo_network
 from tests.maps.damaged import assert_sound, mutated, refusal, survive
 from tests.maps.sumo_nets import by_hand, lane, written
+from tests.quick import few
 
 
 def test_a_file_that_is_not_there(tmp_path: Path) -> None:
@@ -137,7 +138,7 @@ def damage(path: Path, rng: np.random.Generator) -> None:
     path.write_bytes(mutated(everything(), rng))
 
 
-@pytest.mark.parametrize("seeds", [30, pytest.param(500, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("seeds", few([30, 500], 1, 1))
 def test_damaged_files_are_read_or_refused_and_nothing_else(seeds: int, tmp_path: Path) -> None:
     readers = (read_sumo_network, count_sumo_network)
     read, refused = survive(seeds, tmp_path / "a.net.xml", damage, readers, assert_sound)
