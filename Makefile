@@ -53,7 +53,7 @@ setup: $(VENV)/.installed-dev
 check: setup
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
-	$(BIN)/basedpyright --pythonpath $(BIN)/python
+	$(BIN)/pyrefly check --python-interpreter-path $(BIN)/python
 
 test: setup
 	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal -m "$(TESTS)"

@@ -72,7 +72,7 @@ def episode(scenario: Scenario, agents: int) -> tuple[float, float, float, int, 
         bare_s += clock() - began
 
     with open_traffic(scenario, roads, most_agents=agents, reach_m=reach_m(agents)) as traffic:
-        libsumo.simulationStep, vehicle.moveToXY = timed_step, timed_move
+        libsumo.simulationStep, vehicle.moveToXY = timed_step, timed_move  # type: ignore[assignment]
         try:
             began = clock()
             drive: Episode = run_loop(
@@ -80,7 +80,7 @@ def episode(scenario: Scenario, agents: int) -> tuple[float, float, float, int, 
             )
             driven_s = clock() - began - reading_s
         finally:
-            libsumo.simulationStep, vehicle.moveToXY = step, move
+            libsumo.simulationStep, vehicle.moveToXY = step, move  # type: ignore[method-assign]
     trace = drive.trace
     assert trace is not None
     assert drive.fault is None, drive.fault
@@ -112,7 +112,7 @@ def reactions(scenario: Scenario, agents: int, beside_m: float) -> tuple[float, 
         spent[2] += clock() - began
 
     with open_traffic(scenario, roads, most_agents=agents, reach_m=reach_m(agents)) as traffic:
-        libsumo.simulationStep = timed_step
+        libsumo.simulationStep = timed_step  # type: ignore[assignment]
         try:
             for now, then in pairwise(egos):
                 traffic.observe()

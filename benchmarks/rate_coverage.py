@@ -54,7 +54,7 @@ class ToyWorld:
     naive: float
     """Share of the segments."""
     per_start: int
-    places: tuple[ToyPlace, ToyPlace] = (QUIET, BUSY)
+    places: tuple[ToyPlace, ...] = (QUIET, BUSY)
     luck: float = 0.3
     """Standard deviation of the logarithm of a start's ordinary rate, beside what its place says."""
 
@@ -70,12 +70,13 @@ class ToyWorld:
 def driven(world: ToyWorld, rng: np.random.Generator) -> list[SegmentRecord]:
     """The segments of one run, naive and boosted ones in turn."""
     found: list[SegmentRecord] = []
+    place, luck = world.places[0], 1.0
     for index in range(world.segments):
         if index % world.per_start == 0:
-            place = world.places[int(rng.integers(2))]
+            place = world.places[int(rng.integers(len(world.places)))]
             luck = float(np.exp(rng.normal(0.0, world.luck) - world.luck**2 / 2.0))
         naive = (index + 1) * world.naive % 1.0 < index * world.naive % 1.0 or world.naive == 1.0
-        found.append(_segment(index, f"e{index // world.per_start}", place, luck, naive, rng))  # pyright: ignore[reportPossiblyUnboundVariable]
+        found.append(_segment(index, f"e{index // world.per_start}", place, luck, naive, rng))
     return found
 
 

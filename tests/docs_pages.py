@@ -145,7 +145,7 @@ def drive_page(blocks: list[Block], folder: Path) -> subprocess.CompletedProcess
     environment = {
         **os.environ,
         "PATH": f"{places}:{Path(sys.executable).parent}:{os.environ['PATH']}",
-        "PYTHONPATH": ":".join(filter(None, [str(installed), *sys.path])),
+        "PYTHONPATH": ":".join([str(installed), *filter(None, sys.path)]),
     }
     return subprocess.run(
         [sys.executable, "-c", "from docs_pages import main; main()"],

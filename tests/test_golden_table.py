@@ -25,7 +25,7 @@ def table(folder: Path) -> tuple[int, list[str], str]:
     return done.returncode, done.stdout.splitlines(), done.stderr
 
 
-def idm_file(folder: Path, **changes: float) -> None:
+def idm_file(folder: Path, **changes: float | str) -> None:
     cases = json.loads((SHIPPED / "nuplan_idm" / "idm_cases.json").read_text())
     cases["cases"][0]["expected"] |= changes
     (folder / "nuplan_idm").mkdir(parents=True)
@@ -33,7 +33,7 @@ def idm_file(folder: Path, **changes: float) -> None:
 
 
 def test_a_folder_with_one_of_the_three_is_enough(tmp_path: Path) -> None:
-    idm_file(tmp_path, remark="extra keys are welcome")  # pyright: ignore[reportArgumentType]
+    idm_file(tmp_path, remark="extra keys are welcome")
     code, lines, _ = table(tmp_path)
     assert code == 0
     last = LAST_LINE.fullmatch(lines[-1])

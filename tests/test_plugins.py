@@ -72,7 +72,7 @@ class Stranger:
         installed = folder / "installed"
         self.python("-m", "pip", "install", "--quiet", "--no-deps", "--no-build-isolation", "--target", str(installed),
                     str(folder / "package"))  # fmt: skip
-        self.path = ":".join(filter(None, [str(installed), *sys.path]))
+        self.path = ":".join([str(installed), *filter(None, sys.path)])
         for page in PAGES:
             for block in blocks_of(page):
                 if block.language == "python" and block.slow and block.file is None:

@@ -96,7 +96,7 @@ def kilometres_weights() -> list[str]:
             if min(sum(naive), effective) < FEWEST_EFFECTIVE:
                 continue
             metres = [(each.metres, 0.0) if each.naive else (0.0, each.weighted_metres) for each in segments]
-            rows = np.column_stack((naive, list(map(sum, boosted)), np.array(metres)))
+            rows = np.column_stack((naive, [float(np.sum(weights)) for weights in boosted], np.array(metres)))
             ratio = ClusterSums(rows, starts).rate(_boosted_over_naive)
             assert ratio is not None
             low, high = ratio.interval()

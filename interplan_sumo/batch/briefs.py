@@ -89,22 +89,22 @@ class _BriefRow(Struct, kw_only=True):
 
 
 def _brief(row: _BriefRow) -> Brief:
-    lanes, report = row.metrics.lane_changes, row.planner_report
+    metrics, report = row.metrics, row.planner_report
     asked = report if report is not None and report.queries is not None else None
     return Brief(
         row.family,
         row.score,
-        row.fault and row.fault.kind,
+        None if row.fault is None else row.fault.kind,
         row.official,
-        row.metrics.no_collision and row.metrics.no_collision.score,
-        row.metrics.drivable_area and row.metrics.drivable_area.score,
-        lanes and lanes.detail.goal,
+        None if metrics.no_collision is None else metrics.no_collision.score,
+        None if metrics.drivable_area is None else metrics.drivable_area.score,
+        None if metrics.lane_changes is None else metrics.lane_changes.detail.goal,
         row.done,
         row.unsafe,
         tuple((sys.intern(name), score) for name, score in row.beside.items()),
         row.times_s.total,
         row.scoring_version,
-        asked and asked.queries,
+        None if asked is None else asked.queries,
         None if asked is None else sum(asked.fallbacks.values()),
     )
 

@@ -7,7 +7,7 @@ import functools
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from importlib.util import find_spec
-from typing import Any, cast
+from typing import Any
 
 from interplan_sumo.errors import InputError, PlannerLoadError
 from interplan_sumo.planner import PLANNERS, Planner
@@ -21,9 +21,9 @@ def named_planners(
 ) -> tuple[list[str], dict[str, Callable[[], Planner]]]:
     """The planners' names, and those of them that only this process can build."""
     if isinstance(planner, Mapping):
-        pairs = [(str(name), each) for name, each in cast("Mapping[str, PlannerLike]", planner).items()]
+        pairs = [(str(name), each) for name, each in planner.items()]
     elif isinstance(planner, Sequence) and not isinstance(planner, str):
-        pairs = [(None, each) for each in cast("Sequence[PlannerLike]", planner)]
+        pairs = [(None, each) for each in planner]
     else:
         pairs = [(None, planner)]
     if not pairs:

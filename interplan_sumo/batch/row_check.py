@@ -31,7 +31,8 @@ class Remade:
     @classmethod
     def of(cls, answer: DriveAnswer, fault: Fault | None) -> Self:
         sheet = answer.sheet
-        return cls(answer.trace_hash, sheet and sheet.score, {} if sheet is None else sheet.metrics, fault)
+        score, metrics = (None, {}) if sheet is None else (sheet.score, sheet.metrics)
+        return cls(answer.trace_hash, score, metrics, fault)
 
 
 @dataclass(frozen=True, slots=True)

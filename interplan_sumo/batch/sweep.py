@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from itertools import product
 from math import isfinite
 from pathlib import Path
+from typing import Any
 
 from interplan_sumo.batch.jobs import Selection
 from interplan_sumo.batch.options import DENSITIES, SETTINGS, RunOptions
@@ -234,7 +235,8 @@ def _parts(options: RunOptions, sweep: Path, setting: Mapping[str, str], selecti
     parts: dict[str, tuple[RunOptions, list[Scenario]]] = {}
     for scenario in selection.scenarios:
         of_track = track_settings(setting.get(TRACK, PLAIN), scenario)
-        own, name = replace(options, **fixed, **of_track), [*of_track.values()]
+        given: dict[str, Any] = fixed | of_track
+        own, name = replace(options, **given), [*of_track.values()]
         if edits:
             source = own.traffic or vehicle_type_file(own.behaviour or scenario.traffic.behaviour)
             if source not in files:

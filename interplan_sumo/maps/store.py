@@ -165,7 +165,7 @@ def place_map(files: MapFiles, root: Path, fill: Callable[[Path], object]) -> Ma
         finally:
             shutil.rmtree(fresh, ignore_errors=True)
         write_maps_manifest(root)
-    except (OSError, shutil.Error) as error:
+    except OSError as error:
         raise MapError(f"cannot put map {files.name} into {root}: {error}") from None
     return files
 

@@ -17,7 +17,7 @@ from interplan_sumo.report.failure_reasons import lost_points
 from interplan_sumo.report.standing_formats import BRACKETS
 from interplan_sumo.report.table import POINTS
 from interplan_sumo.report.text import figure, grid, rounded
-from interplan_sumo.statistics.intervals import mean_estimate
+from interplan_sumo.statistics.intervals import interval_within
 from interplan_sumo.statistics.scene_values import DriveValue, mean_over_scenes
 from interplan_sumo.verification.audit import DEFECTS, AuditFinding, classes, finding
 
@@ -65,9 +65,11 @@ def audit_json(
 def _share_json(kind: str, found: Sequence[tuple[Row, AuditFinding]]) -> dict[str, Any]:
     """How many percent of the scenarios are of a class, with the 95 % interval for scenarios like these."""
     drives = {(row.scenario_id, row.seed): DriveValue(row.family, 100.0 * (each.kind == kind)) for row, each in found}
-    estimate = mean_estimate(drives)
-    interval = estimate and [rounded(bound) for bound in estimate.interval_within(POINTS)]
-    return {"percent": rounded(mean_over_scenes(drives)), "ci": interval}
+    interval = interval_within(drives, POINTS)
+    return {
+        "percent": rounded(mean_over_scenes(drives)),
+        "ci": None if interval is None else [rounded(bound) for bound in interval],
+    }
 
 
 def audit_text(entry: dict[str, Any]) -> RenderableType:

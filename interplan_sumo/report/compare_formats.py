@@ -65,7 +65,7 @@ def _pair_json(found: Comparison) -> dict[str, Any]:
 
 
 def _group_json(group: GroupComparison) -> dict[str, Any]:
-    figures = {name: rounded(value) for name, value in asdict(group).items() if name in ROUNDED}
+    figures = {name: rounded(getattr(group, name)) for name in ROUNDED}
     bounds = {"interval": group.interval, "unsafe_interval": group.unsafe_interval}
     intervals = {name: found and [rounded(bound) for bound in found] for name, found in bounds.items()}
     return {**asdict(group), **figures, **intervals}

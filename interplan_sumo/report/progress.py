@@ -43,7 +43,7 @@ class Tally:
         self._began_s = time.monotonic()
 
     def add(self, row: Row) -> None:
-        self._count(row.planner, row.score, row.fault and row.fault.kind)
+        self._count(row.planner, row.score, None if row.fault is None else row.fault.kind)
         self._times_s.update(row.times_s)
 
     def _count(self, planner: str, score: float | None, fault: str | None) -> None:
@@ -86,7 +86,7 @@ class Tally:
     def _means(self) -> str:
         """Of each planner where there are few, else of all."""
         if len(self._scores) > PLANNERS_TOLD:
-            drives, total = map(sum, zip(*self._scores.values(), strict=True))
+            drives, total = (sum(each) for each in zip(*self._scores.values(), strict=True))
             return f"{100 * total / drives:.1f}"
         alone = len(self._scores) == 1
         return ", ".join(f"{'' if alone else f'{name} '}{100 * s / n:.1f}" for name, (n, s) in self._scores.items())

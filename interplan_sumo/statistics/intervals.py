@@ -137,6 +137,12 @@ def mean_estimate(drives: DriveValues) -> MeanEstimate | None:
     )
 
 
+def interval_within(drives: DriveValues, limits: Range) -> Range | None:
+    """That of the mean over scenes, of figures that lie within these limits; None with fewer than two scenes."""
+    estimate = mean_estimate(drives)
+    return None if estimate is None else estimate.interval_within(limits)
+
+
 def unpaired_difference(a: MeanEstimate, b: MeanEstimate) -> MeanEstimate:
     """b less a, of scenes that have nothing to do with each other."""
     variances = np.array([a.standard_error**2, b.standard_error**2])

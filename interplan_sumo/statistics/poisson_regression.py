@@ -84,4 +84,4 @@ def poisson_regression(x: Floats, counts: Floats, exposure: Floats, clusters: Se
     scores = np.zeros((len(names), x.shape[1]))
     np.add.at(scores, group, x * (counts - mean)[:, None])
     middle = scores.T @ scores * (len(names) / (len(names) - 1.0))
-    return PoissonFit(b, inverse @ middle @ inverse, inverse, len(names))
+    return PoissonFit(np.asarray(b, dtype=np.float64), inverse @ middle @ inverse, inverse, len(names))

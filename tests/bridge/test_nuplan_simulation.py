@@ -53,7 +53,9 @@ def scenario() -> Any:
 def lqr_tracker() -> Any:
     """nuPlan's tracker with nuPlan's numbers; NumPy 2.4 takes no array of one number where it hands one over."""
 
-    class Tracker(devkit("nuplan.planning.simulation.controller.tracker.lqr").LQRTracker):
+    theirs: Any = devkit("nuplan.planning.simulation.controller.tracker.lqr").LQRTracker
+
+    class Tracker(theirs):
         def _solve_one_step_lqr(self, *args: Any, **kwargs: Any) -> float:
             return np.asarray(super()._solve_one_step_lqr(*args, **kwargs)).item()
 

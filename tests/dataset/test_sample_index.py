@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -73,12 +74,9 @@ def test_what_is_offered_is_found_again_in_the_run_folder(
 def test_of_a_long_stand_only_a_few_samples_are_offered(stored: StoredDrive) -> None:
     first = stored.trace
     still = np.zeros(len(first), dtype=np.int64)  # the first frame, over and over
-    names = ("x_m", "y_m", "heading_rad")
-    ego = replace(
-        first.ego,
-        **{name: getattr(first.ego, name)[still] for name in names},
-        **{name: np.zeros(len(first)) for name in ("vx_mps", "ax_mps2", "yaw_rate_radps")},
-    )
+    columns: dict[str, Any] = {name: getattr(first.ego, name)[still] for name in ("x_m", "y_m", "heading_rad")}
+    columns |= {name: np.zeros(len(first)) for name in ("vx_mps", "ax_mps2", "yaw_rate_radps")}
+    ego = replace(first.ego, **columns)
     trace = Trace(ego, first.actors, first.signals, (), np.zeros(0))
     own = index_samples(stored.scenario, stored.roads, trace, 5)[0]
     assert {SITUATIONS[code] for code in own.situations} == {"standing"}

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import cos, pi, sin
+from typing import TypeVar
 
 import numpy as np
 import pytest
@@ -21,6 +22,8 @@ from tests.golden_values import GOLDEN, SHIPPED
 # The fits of nuPlan run on pseudo-inverses at coordinates of 4e6 m: 1e-9 is what agrees.
 TIGHT = 1e-9
 CLOSED_LOOP = 1e-6
+
+AnyNumbers = TypeVar("AnyNumbers", Floats, float)
 
 
 def through_rear_axle(time_s: Floats, x_m: Floats, y_m: Floats, heading: Floats) -> Trajectory:
@@ -122,12 +125,12 @@ def test_moving_the_world_does_not_change_the_command(
     state, plan = drive
     c, s = cos(angle), sin(angle)
 
-    def moved(x: Floats | float, y: Floats | float) -> tuple[Floats | float, Floats | float]:
+    def moved(x: AnyNumbers, y: AnyNumbers) -> tuple[AnyNumbers, AnyNumbers]:
         return c * x - s * y + dx, s * x + c * y + dy
 
-    moved_plan = Trajectory(plan.time_s, *moved(plan.x_m, plan.y_m), plan.heading_rad + angle)  # pyright: ignore[reportArgumentType]
+    moved_plan = Trajectory(plan.time_s, *moved(plan.x_m, plan.y_m), plan.heading_rad + angle)
     x_m, y_m = moved(state.x_m, state.y_m)
-    moved_state = replace(state, x_m=float(x_m), y_m=float(y_m), heading_rad=state.heading_rad + angle)
+    moved_state = replace(state, x_m=x_m, y_m=y_m, heading_rad=state.heading_rad + angle)
     assert_close(track(moved_state, moved_plan), track(state, plan))
 
 

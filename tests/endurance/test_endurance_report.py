@@ -152,4 +152,4 @@ def test_page_and_figure_are_written_or_refused_in_a_line(report: EnduranceRepor
 @pytest.mark.parametrize(("measure", "wanted"), [("crashes", 0.3), ("at_fault_collision", 0.0), ("stall", 3.0)])
 def test_what_cannot_be_asked_for_is_refused(measure: str, wanted: float) -> None:
     with pytest.raises(InputError):
-        endurance_report([], measure=measure, wanted=wanted)  # pyright: ignore[reportArgumentType]
+        endurance_report([], measure=measure, wanted=wanted)  # type: ignore[arg-type]

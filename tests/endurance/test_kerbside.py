@@ -74,12 +74,13 @@ def test_a_car_stands_beside_the_road_and_its_open_door_reaches_into_the_lane() 
 
 
 def test_on_the_left_the_door_opens_to_the_right() -> None:
-    found = parked(INNER)
+    found, outer = parked(INNER), parked(OUTER)
     assert found is not None
+    assert outer is not None
     car, door = found.things("a", "b")
     assert car.corners((0.0, 0.0))[:, 1].min() == pytest.approx(1.85)
     assert door.corners((0.0, 0.0))[:, 1].min() == pytest.approx(1.85 - DOOR_M, abs=0.05)
-    assert door.pose.x_m == pytest.approx(parked(OUTER).door.x_m)  # pyright: ignore[reportOptionalMemberAccess]
+    assert door.pose.x_m == pytest.approx(outer.door.x_m)
 
 
 @pytest.mark.parametrize(("edge_m", "fits"), [(DOOR_EDGE_M[0], True), (DOOR_EDGE_M[1] + 0.01, False), (1.39, False)])

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -90,7 +91,7 @@ def test_a_planner_that_stands_still_does_not_drive_for_ever() -> None:
         ({"behaviour": "nasty"}, "nasty"),
     ],
 )
-def test_what_cannot_be_driven_is_refused_before_there_is_a_folder(change: dict[str, object], said: str) -> None:
+def test_what_cannot_be_driven_is_refused_before_there_is_a_folder(change: dict[str, Any], said: str) -> None:
     with pytest.raises(InputError, match=said):
         replace(TINY, **change)
 

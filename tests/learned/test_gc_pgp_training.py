@@ -83,7 +83,7 @@ def test_the_likelihood_is_that_of_the_edges_taken() -> None:
     scores[0, 0, 1] = float(np.log(2.0))
     batch = {"edges": edges, "expert_edge": torch.tensor([[1, EDGES]])}
     # of two edges and the end: 2 / 4; where there is nothing but the end: 1
-    assert float(gc_pgp._edge_loss(scores, batch)) == pytest.approx(np.log(2.0) / 2.0)  # pyright: ignore[reportPrivateUsage]
+    assert float(gc_pgp._edge_loss(scores, batch)) == pytest.approx(np.log(2.0) / 2.0)
 
 
 def test_the_error_is_that_of_the_best_mode_over_the_time_there_is() -> None:
@@ -93,7 +93,7 @@ def test_the_error_is_that_of_the_best_mode_over_the_time_there_is() -> None:
     wanted[0, :, 1] = 7.0
     wanted[0, 8:], valid[0, 8:] = 99.0, False
     batch = {"wanted": wanted, "wanted_valid": valid}
-    assert float(gc_pgp._least_error(found, batch, 2)) == pytest.approx(3.0, abs=1e-4)  # pyright: ignore[reportPrivateUsage]
+    assert float(gc_pgp._least_error(found, batch, 2)) == pytest.approx(3.0, abs=1e-4)
 
 
 def test_first_the_experts_traversals_are_decoded_then_sampled_ones(tiny_data: Dataset) -> None:

@@ -92,7 +92,7 @@ def write_tiny_dataset(folder: Path) -> Path:
         kind=layout.KIND, format=layout.FORMAT, hash=HASH, versions={}, sources=[], left_out={},
         features=records.FeaturesRecord(schema.FORMAT, "", "", schema.STEP_S, []),
         options=records.OptionsRecord(0.5, 0.5, 0.0, [], [], []),
-        counts=records.CountsRecord(len(plan), sum(samples.values()), dict(samples), {}, {}, {}, {}),
+        counts=records.CountsRecord(len(plan), sum(samples.values()), {**samples}, {}, {}, {}, {}),
         maps={name: _write_map(folder, name) for name in _BENDS},
         drives=records.FileRecord(layout.DRIVES, file_hash(drives)),
         shards=shards,

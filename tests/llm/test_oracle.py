@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from math import inf, nextafter
+from typing import Any
 
 import numpy as np
 import pytest
@@ -190,9 +191,10 @@ def test_the_plans_until_a_decision_are_handed_on() -> None:
 
 @pytest.mark.parametrize("name", ["every", "hold", "most_drives"])
 def test_an_effort_of_nothing_is_refused(name: str) -> None:
-    replace(Effort(), **{name: 1})
+    one: dict[str, Any] = {name: 1}
+    replace(Effort(), **one)
     with pytest.raises(ValueError, match=f"{name} is 0, expected 1 or more"):
-        replace(Effort(), **{name: 0})
+        replace(Effort(), **one | {name: 0})
 
 
 def test_scores_come_first_then_gates_then_progress() -> None:

@@ -27,7 +27,7 @@ from interplan_sumo.maps import schema
 from interplan_sumo.maps.geopackage import MapSize, read_map, read_size
 from interplan_sumo.maps.geopackage_writer import write_map
 from interplan_sumo.world.geometry import Polyline
-from interplan_sumo.world.roads import IntersectionKind, Roads, StopLineKind, Turn
+from interplan_sumo.world.roads import DrivingSide, IntersectionKind, Roads, StopLineKind, Turn
 from tests.maps.map_files import GOLDEN_MAPS, altered_copy, assert_same_roads, blob, edited, geometry_in
 from tests.maps.road_worlds import GridPlan, grid_city
 
@@ -145,9 +145,11 @@ def test_the_bytes_do_not_depend_on_the_day_on_the_file_before_or_on_the_order_i
     city: Roads, file: Path, tmp_path: Path
 ) -> None:
     other = tmp_path / "deep" / "down" / "other.gpkg"
-    turned = {name: dict(list(getattr(city, name).items())[::-1]) for name in ("lanes", "connectors", "roadblocks")}
-    areas = {name: getattr(city, name)[::-1] for name in ("intersections", "walkways")}
-    for roads in (city, replace(city, **turned, **areas)):
+    turned: dict[str, Any] = {
+        **{name: dict(list(getattr(city, name).items())[::-1]) for name in ("lanes", "connectors", "roadblocks")},
+        **{name: getattr(city, name)[::-1] for name in ("intersections", "walkways")},
+    }
+    for roads in (city, replace(city, **turned)):
         write_map(roads, other)
         assert other.read_bytes() == file.read_bytes()
     assert [path.name for path in other.parent.iterdir()] == ["other.gpkg"]
@@ -205,7 +207,7 @@ def test_a_map_that_breaks_a_rule_or_cannot_be_drawn_is_not_written(city: Roads,
     one, other = list(city.lanes.values())[:2]
     short = Polyline(one.left_boundary.points[0] + [[0.0, 0.0], [1e-7, 0.0]])
     endless = Polyline(np.concatenate((one.centerline.points, one.centerline.points[-1:] + 2.2e7)))
-    for changes, said in (
+    broken: list[tuple[dict[str, Any], str]] = [
         (
             {"lanes": dict(city.lanes) | {other.id: replace(other, polygon=one.polygon)}},
             f"{one.id}: overlaps {other.id} by",
@@ -219,7 +221,8 @@ def test_a_map_that_breaks_a_rule_or_cannot_be_drawn_is_not_written(city: Roads,
             f"connector {one.id} is 31113 km long, expected 100 at most",
         ),
         ({"crs": "EPSG:999999"}, "EPSG:999999"),
-    ):
+    ]
+    for changes, said in broken:
         with pytest.raises(MapError, match=said):
             write_map(replace(city, **changes), tmp_path / "map.gpkg")
         assert list(tmp_path.iterdir()) == []
@@ -366,7 +369,7 @@ def test_the_driving_side_that_is_written_down_counts(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
-def test_without_a_word_the_roads_tell_the_driving_side(side: str, tmp_path: Path) -> None:
+def test_without_a_word_the_roads_tell_the_driving_side(side: DrivingSide, tmp_path: Path) -> None:
     write_map(grid_city(replace(SMALL, side=side, rotation_rad=0.7)), tmp_path / "a.gpkg")
     path = altered_copy(tmp_path / "a.gpkg", tmp_path / "b.gpkg", NO_SIDE)
     assert read_map(path).driving_side == side

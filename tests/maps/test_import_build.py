@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -221,7 +222,7 @@ def test_any_bent_road_of_parallel_lanes_keeps_the_rules(
 # --- the check finds what is lost --------------------------------------------------------------
 
 
-def changed(source: SourceMap, **lanes: Mapping[str, object]) -> SourceMap:
+def changed(source: SourceMap, **lanes: Mapping[str, Any]) -> SourceMap:
     """The file with some of its lanes as another reader might have found them."""
     more = {id_: replace(source.lanes[id_], **changes) for id_, changes in lanes.items()}
     return replace(source, lanes={**source.lanes, **more})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import pytest
@@ -22,11 +23,9 @@ STREETS = (
 )
 
 
-def cropped(
-    folder: Path, *parts: str, **changes: object
-) -> dict[int, tuple[list[tuple[float, float]], dict[str, str]]]:
+def cropped(folder: Path, *parts: str, **changes: Any) -> dict[int, tuple[list[tuple[float, float]], dict[str, str]]]:
     """By way: its places in metres, and its tags."""
-    recipe = Recipe("town", "A town", "Drawn", OUTLINE, **changes)  # pyright: ignore[reportArgumentType]
+    recipe = Recipe("town", "A town", "Drawn", OUTLINE, **changes)
     root = ElementTree.fromstring(crop(written(folder, osm(*parts)), recipe))
     places = {n.attrib["id"]: (float(n.attrib["lon"]), float(n.attrib["lat"])) for n in root.iter("node")}
     return {

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -28,15 +29,15 @@ def test_a_sound_city_breaks_no_rule() -> None:
     assert schema_problems(grid_city(GridPlan(columns=1, rows=3, lanes=3, side="left", rotation_rad=2.0))) == []
 
 
-def lane(**changes: object) -> Roads:
+def lane(**changes: Any) -> Roads:
     return replace(CITY, lanes=dict(CITY.lanes) | {LANE.id: replace(LANE, **changes)})
 
 
-def connector(**changes: object) -> Roads:
+def connector(**changes: Any) -> Roads:
     return replace(CITY, connectors=dict(CITY.connectors) | {WAY.id: replace(WAY, **changes)})
 
 
-def block(which: str, **changes: object) -> Roads:
+def block(which: str, **changes: Any) -> Roads:
     return replace(CITY, roadblocks=dict(CITY.roadblocks) | {which: replace(CITY.roadblocks[which], **changes)})
 
 

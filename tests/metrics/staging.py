@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import shapely
@@ -84,7 +84,7 @@ def moved_roads(roads: Roads, move: Move) -> Roads:
         lines = {name: Polyline(move(getattr(old, name).points)) for name in LINES}
         return replace(at(old), **lines)
 
-    areas = {name: tuple(map(at, getattr(roads, name))) for name in AREAS}
+    areas: dict[str, Any] = {name: tuple(map(at, getattr(roads, name))) for name in AREAS}
     return replace(
         roads,
         lanes={k: along(v) for k, v in roads.lanes.items()},

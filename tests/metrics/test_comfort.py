@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,9 +22,8 @@ ROAD = straight_road(length_m=500.0)
 
 def track(frames: int, **columns: object) -> EgoTrack:
     still = drive(*[0.0] * frames).ego
-    return replace(
-        still, **{name: np.broadcast_to(np.asarray(v, dtype=np.float64), frames) for name, v in columns.items()}
-    )
+    wide: dict[str, Any] = {name: np.broadcast_to(np.asarray(v, np.float64), frames) for name, v in columns.items()}
+    return replace(still, **wide)
 
 
 def facts_with(**columns: object) -> Facts:

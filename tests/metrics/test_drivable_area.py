@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -39,7 +40,8 @@ def test_lanes_themselves_are_drivable_but_their_surroundings_are_not_without_an
 @pytest.mark.parametrize("layer", ["road_segments", "generic_drivable_areas", "carparks"])
 def test_every_drivable_layer_counts(layer: str):
     beside = Area("77", shapely.box(0.0, 1.5, 200.0, 6.0))
-    roads = replace(ROAD, **{layer: (*getattr(ROAD, layer), beside)})
+    wider: dict[str, Any] = {layer: (*getattr(ROAD, layer), beside)}
+    roads = replace(ROAD, **wider)
     facts = facts_of(drive_at([50.0, 51.0], 3.0), roads)
     assert drivable_area(facts).score == 1.0
     assert drivable_area(facts_of(drive_at([50.0, 51.0], 3.0), ROAD)).score == 0.0

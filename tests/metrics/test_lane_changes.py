@@ -54,7 +54,9 @@ def test_between_lanes_the_last_lane_counts():
 
 
 def test_where_lanes_overlap_the_one_nearer_to_the_goal_counts():
-    wide = replace(ROAD.lanes["33"], polygon=shapely.union(ROAD.lanes["33"].polygon, ROAD.lanes["34"].polygon))
+    both = ROAD.lanes["33"].polygon.union(ROAD.lanes["34"].polygon)
+    assert isinstance(both, shapely.Polygon)
+    wide = replace(ROAD.lanes["33"], polygon=both)
     overlapping = replace(ROAD, lanes={**ROAD.lanes, "33": wide})
     scenario = scenario_on(ROAD, ("11", 20.0), ("34", 150.0))
     trace = drive_at([20.0, 250.0], [0.0, lane_y_m(3)])

@@ -191,7 +191,7 @@ def misbehave(how: str, observation: Observation, mark: str) -> Any:
             import interplan_sumo.simulation.episode as episode
 
             episode.DT_S = 0.01
-            episode.follow = lambda ego, *_: ego
+            episode.follow = lambda ego, *_: ego  # type: ignore[assignment]
         case "walk the frames":
             frame = sys._getframe()
             while frame is not None:
@@ -239,7 +239,7 @@ def misbehave(how: str, observation: Observation, mark: str) -> Any:
             return Haunted(*odd_columns(observation))
         case "replace what numbers are made by":
             builtins.float = lambda *_: 0.0  # type: ignore[assignment, misc]
-            np.asarray = lambda *_, **__: np.zeros(3)
+            np.asarray = lambda *_, **__: np.zeros(3)  # type: ignore[assignment]
         case "jump":
             plan = odd_plan(observation)
             plan.__dict__["x_m"] = plan.x_m + 50.0

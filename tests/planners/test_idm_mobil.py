@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from worlds import cars, ego, junction, mission, observation, road_along, straight_road
@@ -20,8 +22,8 @@ STRAIGHT_ON = mission(WIDE, ("12", "22", "32"), goal_arc_m=150.0)
 CROSSING = junction()
 
 
-def started(job: Mission = STRAIGHT_ON, **options: object) -> IdmMobilPlanner:
-    planner = IdmMobilPlanner(IdmMobilSettings(**options))  # pyright: ignore[reportArgumentType]
+def started(job: Mission = STRAIGHT_ON, **options: Any) -> IdmMobilPlanner:
+    planner = IdmMobilPlanner(IdmMobilSettings(**options))
     planner.start(job)
     return planner
 
@@ -97,7 +99,7 @@ def test_behind_a_slow_car_it_changes_only_where_that_costs_nothing() -> None:
 @pytest.mark.parametrize("name", ["safe_deceleration_mps2", "change_time_s", "change_headway_s", "horizon_s"])
 def test_senseless_options_are_refused_by_name(name: str) -> None:
     with pytest.raises(ValueError, match=f"{name} is 0, expected more than 0"):
-        IdmMobilSettings(**{name: 0})  # pyright: ignore[reportArgumentType]
+        IdmMobilSettings(**{name: 0})  # type: ignore[arg-type]
 
 
 def test_published_it_swerves() -> None:

@@ -3,6 +3,7 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -28,8 +29,8 @@ CROSSING = junction()
 LEFT_TURN = mission(CROSSING, ("1", "14", "8"))
 
 
-def started(job: Mission = STRAIGHT_ON, **options: float) -> IdmPlanner:
-    planner = IdmPlanner(**options)  # pyright: ignore[reportArgumentType]
+def started(job: Mission = STRAIGHT_ON, **options: Any) -> IdmPlanner:
+    planner = IdmPlanner(**options)
     planner.start(job)
     return planner
 

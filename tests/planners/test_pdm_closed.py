@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -27,8 +28,8 @@ WIDE = straight_road(lanes=3, length_m=500.0, limit_mps=12.0)
 CROSSING = junction()
 
 
-def started(job: Mission = STRAIGHT_ON, **options: object) -> PdmClosedPlanner:
-    planner = PdmClosedPlanner(PdmClosedSettings(**options))  # pyright: ignore[reportArgumentType]
+def started(job: Mission = STRAIGHT_ON, **options: Any) -> PdmClosedPlanner:
+    planner = PdmClosedPlanner(PdmClosedSettings(**options))
     planner.start(job)
     return planner
 
@@ -84,9 +85,9 @@ def test_offsets_and_fractions_are_options() -> None:
         ({"horizon_s": 2.0}, "horizon_s is 2.0, expected at least proposal_horizon_s"),
     ],
 )
-def test_senseless_options_are_refused(option: dict[str, object], message: str) -> None:
+def test_senseless_options_are_refused(option: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        PdmClosedPlanner(PdmClosedSettings(**option))  # pyright: ignore[reportArgumentType]
+        PdmClosedPlanner(PdmClosedSettings(**option))
 
 
 def test_it_nudges_around_what_leaves_a_metre_to_spare() -> None:

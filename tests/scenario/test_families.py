@@ -192,7 +192,7 @@ def test_an_overtake_begins_where_the_own_side_has_no_room_and_ends_where_the_ro
 
 def test_a_cyclist_and_those_who_come_along_do_not_ride_and_walk_in_one_line() -> None:
     draws = Draws(np.random.default_rng(0), {"cyclist": 0.0, "people": 0.99})
-    people = jaywalker._people(narrow(), draws, hidden=False)  # pyright: ignore[reportPrivateUsage]
+    people = jaywalker._people(narrow(), draws, hidden=False)
     assert [each.cyclist for each in people] == [True, *(False for _ in people[1:])]
     assert len(people) > 1
     assert min(b.ahead_m - a.ahead_m for a, b in pairwise(people)) >= min(jaywalker.APART_M)

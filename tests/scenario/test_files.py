@@ -104,7 +104,9 @@ def test_any_name_and_number_is_read_again_with_the_same_hash(names: list[str], 
     place = LanePosition(names[0], *numbers[:2])
     scenario = replace(
         WHOLE,
-        **dict(zip(("id", "family", "map"), names, strict=False)),
+        id=names[0],
+        family=names[1],
+        map=names[2],
         start=place,
         route=tuple(names),
         obstacles=(Obstacle(place, "bus", numbers[2]),),

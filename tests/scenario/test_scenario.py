@@ -38,7 +38,7 @@ def staged(goal_lane: str = "51", start_lane: str = "13") -> Scenario:
         ({"jaywalkers": (Jaywalker(LanePosition("11", 5.0), LanePosition("11", 5.0, 9.0), 9.0),)}, r"speed_mps is 9.0"),
     ],
 )
-def test_a_field_that_cannot_be_is_named(change: dict[str, object], message: str) -> None:
+def test_a_field_that_cannot_be_is_named(change: dict[str, Any], message: str) -> None:
     with pytest.raises(ScenarioError, match=message):
         replace(staged(), **change)
 
@@ -53,7 +53,7 @@ def test_a_field_that_cannot_be_is_named(change: dict[str, object], message: str
         ({"obstacles": (Obstacle(LanePosition("88", 5.0)),)}, r"obstacles\[0\]: map .* has no lane '88'"),
     ],
 )
-def test_what_does_not_fit_the_map_is_named(change: dict[str, object], message: str) -> None:
+def test_what_does_not_fit_the_map_is_named(change: dict[str, Any], message: str) -> None:
     staged().check(ROAD)
     with pytest.raises(ScenarioError, match=message):
         replace(staged(), **change).check(ROAD)

@@ -10,6 +10,7 @@ import traceback
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import libsumo
 import numpy as np
@@ -116,10 +117,8 @@ def case(seed: int, number: int, maps: Maps, folder: Path) -> Case:
 
 def _denser(scenario: Scenario, rng: np.random.Generator) -> Scenario:
     """The same place with other traffic."""
-    demand = replace(
-        scenario.traffic, density=str(rng.choice(DENSITIES)), oncoming=str(rng.choice(("none", *DENSITIES))),
-    )  # fmt: skip
-    return replace(scenario, traffic=demand)
+    drawn: dict[str, Any] = {"density": str(rng.choice(DENSITIES)), "oncoming": str(rng.choice(("none", *DENSITIES)))}
+    return replace(scenario, traffic=replace(scenario.traffic, **drawn))
 
 
 def _generated(map: str, seed: int, number: int, rng: np.random.Generator, *, families: bool) -> Scenario:

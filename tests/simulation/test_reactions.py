@@ -387,7 +387,7 @@ def test_chance_decides_once_per_encounter(apart_s: float, anew: bool) -> None:
 
 
 def test_an_ego_that_comes_into_the_lane_is_reported_as_cutting_in_once() -> None:
-    told: list[tuple[str, float, float]] = []
+    told: list[tuple[str | float, ...]] = []
     memory: dict[str, ReactionMemory] = {}
     for _ in range(2):
         ego = seen(at_overlap(0.5), "e0_0")

@@ -52,7 +52,7 @@ def step(traffic: SumoTraffic, egos: list[EgoState], frame: int) -> None:
 
 
 def speeds(traffic: SumoTraffic) -> dict[str, float]:
-    return {name: sumo.vehicle.getSpeed(name) for name in traffic._agents.names}  # pyright: ignore[reportPrivateUsage]
+    return {name: sumo.vehicle.getSpeed(name) for name in traffic._agents.names}
 
 
 def brakings(scenario: Scenario, egos: list[EgoState], least_mps2: float) -> list[Braking]:
@@ -66,7 +66,7 @@ def brakings(scenario: Scenario, egos: list[EgoState], least_mps2: float) -> lis
             for name, now in speeds(traffic).items():
                 mps2 = (before.get(name, now) - now) / DT_S
                 if mps2 >= least_mps2:
-                    token = traffic._agents.token_of(name)  # pyright: ignore[reportPrivateUsage]
+                    token = traffic._agents.token_of(name)
                     found.append(Braking(frame, name, mps2, asked.get(token)))
     return found
 
@@ -78,7 +78,7 @@ def in_a_twin(scenario: Scenario, egos: list[EgoState], each: Braking) -> float:
             step(traffic, egos, frame)
         before = sumo.vehicle.getSpeed(each.name)
         sumo.vehicle.remove(EGO)
-        for name in traffic._agents.names:  # pyright: ignore[reportPrivateUsage]
+        for name in traffic._agents.names:
             sumo.vehicle.setSpeed(name, -1.0)
             sumo.vehicle.setSpeedMode(name, 31)
             for of in ("carFollowModel", "junctionModel"):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -27,8 +28,8 @@ def answer(speed_mps: float) -> str:
     return json.dumps({"thoughts": "on", "waypoints": [[0.5 * speed_mps * (k + 1), 0.0] for k in range(POINTS)]})
 
 
-def planner(*answers: str | ModelFailure, **options: object) -> LlmWaypointsPlanner:
-    made = LlmWaypointsPlanner("scripted:unused", **options)  # pyright: ignore[reportArgumentType]
+def planner(*answers: str | ModelFailure, **options: Any) -> LlmWaypointsPlanner:
+    made = LlmWaypointsPlanner("scripted:unused", **options)
     made.model = ScriptedModel(list(answers))
     made.start(TO_THE_LEFT)
     return made

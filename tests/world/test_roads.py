@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -71,7 +72,7 @@ def test_a_junction_offers_several_ways() -> None:
         ({"connectors": {}}, "which does not exist"),
     ],
 )
-def test_a_broken_link_is_named(change: dict[str, dict], message: str) -> None:
+def test_a_broken_link_is_named(change: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         replace(ROAD, **change)
 

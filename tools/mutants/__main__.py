@@ -59,11 +59,11 @@ def changes(node: ast.AST) -> Iterator[ast.AST]:
     wrong = deepcopy(node)
     if isinstance(node, ast.Compare) and isinstance(wrong, ast.Compare):
         for i, operator in enumerate(node.ops):
-            wrong.ops[i] = OPERATORS[type(operator)]()  # pyright: ignore[reportCallIssue, reportArgumentType]
+            wrong.ops[i] = OPERATORS[type(operator)]()  # type: ignore[index]
             yield deepcopy(wrong)
             wrong.ops[i] = operator
     elif isinstance(node, ast.BinOp | ast.BoolOp) and type(node.op) in OPERATORS:
-        wrong.op = OPERATORS[type(node.op)]()  # pyright: ignore[reportAttributeAccessIssue]
+        wrong.op = OPERATORS[type(node.op)]()  # type: ignore[attr-defined]
         yield wrong
     elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not | ast.USub):
         yield node.operand

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, cast
 
 from jinja2 import TemplateError
 from tokenizers import pre_tokenizers
@@ -32,9 +32,8 @@ class ChatTokens:
         if splitting not in SPLITTINGS:
             raise InputError(f"{path} splits text as {splitting!r}; known here: {', '.join(SPLITTINGS)}")
         try:
-            self._tokenizer: Any = AutoTokenizer.from_pretrained(
-                path.parent, gguf_file=path.name, local_files_only=True
-            )
+            read = AutoTokenizer.from_pretrained(path.parent, gguf_file=path.name, local_files_only=True)
+            self._tokenizer = cast("Any", read)
             self.end_of_turn = int(fields["tokenizer.ggml.eos_token_id"])
             self._tokenizer.chat_template = fields["tokenizer.chat_template"]
             self._begin = [fields["tokenizer.ggml.bos_token_id"]] if fields.get("tokenizer.ggml.add_bos_token") else []

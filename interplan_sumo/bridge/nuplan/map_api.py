@@ -1,8 +1,5 @@
 """nuPlan's own map classes over our `Roads`, and the roads behind a map of nuPlan's."""
 
-# pyright: reportMissingImports=false, reportUntypedBaseClass=false
-# The devkit has no types and is not among the dependencies.
-
 from __future__ import annotations
 
 import os

@@ -1,8 +1,5 @@
 """Egos, actors, signals and plans as objects of nuPlan's devkit, and back."""
 
-# pyright: reportMissingImports=false
-# The devkit has no types and is not among the dependencies.
-
 from __future__ import annotations
 
 from collections.abc import Iterable

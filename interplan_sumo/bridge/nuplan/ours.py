@@ -1,8 +1,5 @@
 """A planner of ours as one of nuPlan's, for nuPlan's own simulation and metrics."""
 
-# pyright: reportMissingImports=false, reportUntypedBaseClass=false
-# The devkit has no types and is not among the dependencies.
-
 from __future__ import annotations
 
 from pathlib import Path

@@ -1,8 +1,5 @@
 """A planner of nuPlan's as one of ours: what it is told, what it sees, and its trajectory as a plan."""
 
-# pyright: reportMissingImports=false
-# The devkit has no types and is not among the dependencies.
-
 from __future__ import annotations
 
 import gc

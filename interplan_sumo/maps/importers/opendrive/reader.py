@@ -13,7 +13,13 @@ from interplan_sumo.errors import MapError
 from interplan_sumo.maps.importers.lines import SHORTEST_M, ring
 from interplan_sumo.maps.importers.opendrive.areas import is_crosswalk, is_parking, outlines_of
 from interplan_sumo.maps.importers.opendrive.controls import Controls, controls_of, cuts_of
-from interplan_sumo.maps.importers.opendrive.elements import UnusableRoadError, XodrFile, XodrRoad, XodrSignal
+from interplan_sumo.maps.importers.opendrive.elements import (
+    UnusableRoadError,
+    XodrFile,
+    XodrObject,
+    XodrRoad,
+    XodrSignal,
+)
 from interplan_sumo.maps.importers.opendrive.file import read_file
 from interplan_sumo.maps.importers.opendrive.lane_types import is_ground, is_parking_lane, is_walkway
 from interplan_sumo.maps.importers.opendrive.links import Joints, Sides, joints_of
@@ -160,9 +166,9 @@ def _stop_lines(frame: Frame, network: Network, controls: Controls) -> Iterator[
 # --- what is no lane -----------------------------------------------------------------------------------
 
 
-def _outlines(frame: Frame, things: Sequence[tuple[XodrRoad, object]]) -> Iterator[shapely.Polygon]:
+def _outlines(frame: Frame, things: Sequence[tuple[XodrRoad, XodrObject]]) -> Iterator[shapely.Polygon]:
     for road, thing in things:
-        for outline in outlines_of(road, thing):  # pyright: ignore[reportArgumentType]
+        for outline in outlines_of(road, thing):
             if np.isfinite(outline).all():
                 polygon = ring(frame.points(outline))
                 if polygon is not None:
