@@ -15,7 +15,7 @@ from interplan_sumo.report.table import ResultsTable
 from interplan_sumo.world.csv_tables import number_in, read_table, write_table
 from tools.cells import RARE, cell_text, family_titles
 from tools.hard_scores import RESULTS, Half, totals
-from tools.kept_drives import complete_run, refuse_other_traffic, traffic_of
+from tools.kept_drives import complete_run, refuse_other_traffic, renewed, traffic_of
 from tools.kept_sweeps import SUITE
 
 KEPT: Final = RESULTS / "fresh.csv"
@@ -28,11 +28,9 @@ def keep_fresh(scenes: Path, runs: Path) -> None:
     Ends the program if the runs are of a suite or of other traffic, or if not all of their planners would have
     driven the same scenes.
     """
-    held = [tuple(line[name] for name in COLUMNS) for line in _lines()] if KEPT.is_file() else []
     plain, places = traffic_of(SUITE), [made for made in sorted(scenes.iterdir()) if made.is_dir()]
     found = [line for made in places for line in _certified(made, runs / made.name, plain)]
-    again = {line[0] for line in found}
-    kept = sorted((*(line for line in held if line[0] not in again), *found), key=lambda line: (line[0], line[3]))
+    kept = renewed(KEPT, COLUMNS, found)
     driven: dict[str, list[str]] = {}
     for planner, _, _, scene, *_ in kept:
         driven.setdefault(planner, []).append(scene)
@@ -64,7 +62,7 @@ def _certified(made: Path, folder: Path, plain: int) -> list[tuple[str, ...]]:
 def fresh(rare: ResultsTable, large: ResultsTable) -> list[str]:
     """What planners get in scenes of chance, beside what they have in the suite and in the large one."""
     half: Half = {}
-    for line in _lines():
+    for line in read_table(KEPT, COLUMNS):
         of = half.setdefault(line["planner"], {family: [] for family in names(ordinary=False)})
         of[line["family"]].append(number_in(line["score"], KEPT))
     suites = [{line.planner: cell_text(line.cells[RARE]) for line in table.lines} for table in (rare, large)]
@@ -76,7 +74,3 @@ def fresh(rare: ResultsTable, large: ResultsTable) -> list[str]:
         cells = (f"{100.0 * np.mean(each):.0f}" for each in half[name].values())
         lines.append(" | ".join((f"`{name}`", *before, total, *cells)))
     return lines
-
-
-def _lines() -> list[dict[str, str]]:
-    return read_table(KEPT, COLUMNS)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -10,6 +10,7 @@ import msgspec
 
 from interplan_sumo.batch.records import Manifest
 from interplan_sumo.batch.run_folder import StoredRun, read_run
+from interplan_sumo.world.csv_tables import read_table
 from tools.hard_scores import RESULTS
 
 OURS: Final = "interplan_sumo"
@@ -53,6 +54,15 @@ def refuse_other_traffic(folder: Path, about: Manifest, plain: int) -> None:
     if about.traffic_version != plain:
         other = about.traffic_version
         raise SystemExit(f"{folder} is of traffic version {other}, the kept drives are of {plain}; drive it anew")
+
+
+def renewed(table: Path, columns: Sequence[str], fresh: Iterable[Sequence[str]]) -> list[tuple[str, ...]]:
+    """The lines of a kept table with these among them, in place of former ones of the same planners (first column)."""
+    lines = [tuple(line) for line in fresh]
+    again = {planner for planner, *_ in lines}
+    held = read_table(table, columns) if table.is_file() else []
+    lines += [tuple(line[name] for name in columns) for line in held if line[columns[0]] not in again]
+    return sorted(lines)
 
 
 def take(folder: Path) -> None:

@@ -6,13 +6,13 @@ A line per planner, scene and seed. Who is driven again takes the place of its f
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from interplan_sumo.world.csv_tables import number_in, read_table, write_table
 from tools.hard_scores import RESULTS, Half, totals
-from tools.kept_drives import complete_run, refuse_others
+from tools.kept_drives import complete_run, refuse_others, renewed
 from tools.kept_sweeps import SUITE
 
 KEPT: Final = RESULTS / "interplan-1-seeds.csv"
@@ -29,22 +29,20 @@ def keep_seeds(folder: Path) -> None:
     rows = [run.rows[key] for key in run.keys]
     if len({row.seed for row in rows}) < LEAST:
         raise SystemExit(f"{folder} has one seed; run with --seeds 3")
-    fresh: list[tuple[Any, ...]] = [
+    fresh = [
         (
-            row.planner, about.planners[row.planner].hash, about.traffic_version, row.seed, row.scenario_id,
+            row.planner, about.planners[row.planner].hash, str(about.traffic_version), str(row.seed), row.scenario_id,
             row.family, f"{row.score or 0.0:.4f}",
         )
         for row in rows
     ]  # fmt: skip
-    held = [tuple(line[name] for name in COLUMNS) for line in _lines()] if KEPT.is_file() else []
-    again = {line[0] for line in fresh}
-    write_table(KEPT, COLUMNS, sorted((*(line for line in held if line[0] not in again), *fresh), key=_order))
+    write_table(KEPT, COLUMNS, renewed(KEPT, COLUMNS, fresh))
 
 
 def seeds() -> list[str]:
     """What planners get in other traffic of the same scenes, and how much of it is the traffic's."""
     scores: dict[str, dict[str, dict[str, dict[str, float]]]] = {}
-    kept = _lines()
+    kept = read_table(KEPT, COLUMNS)
     for line in kept:
         family = scores.setdefault(line["planner"], {}).setdefault(line["family"], {})
         family.setdefault(line["scenario"], {})[line["seed"]] = number_in(line["score"], KEPT)
@@ -64,11 +62,3 @@ def seeds() -> list[str]:
         cells = (f"{100.0 * each:.0f}" for each in table.mean(axis=0))
         lines.append(" | ".join((f"`{name}`", *cells, total, f"{spread:.0f}", f"{apart:.0f}")))
     return lines
-
-
-def _order(line: tuple[Any, ...]) -> tuple[Any, ...]:
-    return line[0], int(line[3]), line[4]
-
-
-def _lines() -> list[dict[str, str]]:
-    return read_table(KEPT, COLUMNS)
