@@ -124,6 +124,7 @@ def test_a_class_of_this_module_is_named_for_workers() -> None:
     assert named_planners(Creeping) == (["test_api:Creeping"], {})
 
 
+@pytest.mark.slow
 def test_objects_functions_and_local_classes_drive_in_this_process(capsys: pytest.CaptureFixture[str]) -> None:
     class Local(Creeping):
         pass

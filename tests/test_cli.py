@@ -85,6 +85,7 @@ def test_planners_list_recommends_exactly_one(capsys: pytest.CaptureFixture[str]
     assert {"idm", "straight_ahead"} <= {entry["name"] for entry in entries}
 
 
+@pytest.mark.slow
 def test_planners_check_tells_a_conforming_planner_from_a_failing_one(capsys: pytest.CaptureFixture[str]) -> None:
     assert said(capsys, "planners", "check", "straight_ahead", "--json")["ok"] is True
     code, out, _ = ran(capsys, "planners", "check", "tests.batch.rude_planners:ReturnsNan")
@@ -395,6 +396,7 @@ def test_too_few_descriptors_are_one_line_and_the_folder_goes_on(
     assert ran(capsys, *arguments, "--workers", 0)[0] == 0
 
 
+@pytest.mark.slow
 def test_output_that_cannot_be_written_is_one_line_and_closed_output_none() -> None:
     command = [sys.executable, "-m", "interplan_sumo", "planners", "list", "--json"]
     if sys.platform == "linux":

@@ -101,6 +101,7 @@ def test_chats_as_json_and_without_the_lanes_line(
     assert "Lane ahead" not in out.read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_a_scene_of_the_benchmark_is_refused_under_any_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_scenarios([replace(find_scenario("nudge/0"), id="mine/0")], tmp_path / "mine.yaml")
     run(RunOptions(("idm",), tmp_path / "run", scenarios=(str(tmp_path / "mine.yaml"),), workers=0))

@@ -52,6 +52,7 @@ def swept(file: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 # --- verify ---
 
 
+@pytest.mark.slow
 def test_verify_says_that_a_run_comes_again(run_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code, out, err = ran(capsys, "verify", run_folder, "--workers", 0)
     assert code == 0

@@ -142,6 +142,7 @@ def run_page(blocks: list[Block], folder: Path) -> None:
     assert done.returncode == 0, f"{done.stdout}\n{done.stderr}"
 
 
+@pytest.mark.slow
 @needs_bash
 @pytest.mark.parametrize("page", QUICK, ids=_name)
 def test_the_quick_part_of_a_page_does_what_it_says(page: Path, tmp_path: Path) -> None:

@@ -67,6 +67,7 @@ def driven(env: ScenarioEnv, policy: Callable[[Any], Any], **options: Any) -> tu
 # --- what gymnasium asks for ---------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_gymnasiums_own_checks_find_nothing() -> None:
     check_env(gymnasium.make("interplan_sumo/Smoke-v0", scenarios=SCENE).unwrapped)
 

@@ -12,6 +12,7 @@ from tools.language_models import choosers, keep_oracle
 from tools.tables import SMALL, stored
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("score", "place"), [(1.0, 0), (0.0, -1)])
 def test_the_oracle_stands_where_its_score_puts_it_and_a_fault_is_unsafe_and_not_done(
     score: float, place: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -30,6 +30,7 @@ def driven(spec: str, scenario: str, seconds: float) -> tuple[str, list[dict[str
     return episode.trace.hash(), asked
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("planner", "answers"),
     [

@@ -208,6 +208,7 @@ def test_a_planner_that_failed_keeps_its_zero(home: Path, tmp_path: Path) -> Non
     assert ended == [(0.0, "planner")] * 2
 
 
+@pytest.mark.slow
 def test_the_leaderboard_is_of_what_was_judged_and_shows_names_as_text(
     home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -129,6 +129,7 @@ def test_two_hundred_kills_lose_nothing_and_double_nothing(tmp_path: Path) -> No
 POLITE = ((signal.SIGTERM,), (signal.SIGINT,), (signal.SIGINT, signal.SIGINT))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("signals", few(((each,) for each in POLITE), 1))
 def test_a_polite_end_leaves_a_folder_that_goes_on(signals: tuple[signal.Signals, ...], tmp_path: Path) -> None:
     with started(tmp_path, 60, stderr=subprocess.DEVNULL) as process:

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 from worlds import rolling, straight_road
 
 from interplan_planners.straight_ahead import StraightAhead
@@ -82,6 +83,7 @@ def test_a_drive_past_cars_is_seen_again(tmp_path: Path) -> None:
     assert counts[-1] == 3
 
 
+@pytest.mark.slow
 def test_what_was_seen_too_late_and_with_errors_is_seen_again(tmp_path: Path) -> None:
     scenario = replace(find_scenario("jaywalker/0"), duration_s=3.0, perception="occluded+noisy+late")
     witness = Witness()

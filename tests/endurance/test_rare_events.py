@@ -38,6 +38,7 @@ def driven(seed: int, boosted: Mapping[RareKind, float] | None, seconds: int = 6
     return draws, begun
 
 
+@pytest.mark.slow
 def test_the_mean_weight_is_1_at_any_fixed_time() -> None:
     for seconds in (5, 20, 60):
         weights = np.array([driven(seed, BOOSTED, seconds)[0].weight for seed in range(1500)])
@@ -57,6 +58,7 @@ def test_each_kind_begins_more_often_than_it_would_and_its_weight_makes_up_for_i
     assert begun == pytest.approx(1500, rel=0.1)
 
 
+@pytest.mark.slow
 def test_weighted_boosted_segments_tell_how_often_events_begin_naturally() -> None:
     boosted = [driven(seed, BOOSTED) for seed in range(1500)]
     weighted = np.array([draws.weight * len(begun) for draws, begun in boosted])

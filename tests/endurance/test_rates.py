@@ -130,6 +130,7 @@ def test_a_fault_of_the_planner_is_an_event_and_one_of_ours_is_counted_beside() 
     assert found.faults == {"planner": 1, "harness": 1}
 
 
+@pytest.mark.slow
 def test_naive_and_boosted_kilometres_recover_the_rates_of_a_world_that_is_known() -> None:
     """The means over runs are the truth within four standard errors, and nine intervals in ten hold it at least."""
     for naive in (1.0, 0.5):

@@ -38,6 +38,7 @@ def ended(plan: SegmentPlan, world: list[SegmentRecord], order: np.random.Genera
     return plan
 
 
+@pytest.mark.slow
 def test_it_ends_after_the_first_batch_at_which_the_rate_is_known_in_whatever_order_segments_come() -> None:
     world = made_up()
     stop = stopped_at(world, RULE.measure, RULE.batch, RULE.half_width)

@@ -86,6 +86,7 @@ def test_plans_that_rush_or_brake_too_hard_are_held_to_the_limits() -> None:
     assert stopped.min() >= 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("speed_mps", "rear_m"), [(8.0, 40.0), (3.0, 12.0)])
 def test_it_stops_three_to_four_metres_behind_a_standing_car(speed_mps: float, rear_m: float) -> None:
     at_m, push_mps2, gained = 0.0, 0.0, []

@@ -265,6 +265,7 @@ def test_the_librarys_server_is_a_chat_url_that_takes_grammars_and_schemas_and_i
             assert failed.value.cause == "refused"
 
 
+@pytest.mark.slow
 def test_the_default_model_answers_in_a_few_seconds() -> None:
     try:
         model = EmbeddedModel(default_model())

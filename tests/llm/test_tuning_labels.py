@@ -84,6 +84,7 @@ def lines(path: Path) -> list[dict[str, Any]]:
     return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
 
 
+@pytest.mark.slow
 def test_an_example_is_the_question_of_a_model_and_the_best_option_as_its_answer() -> None:
     made = tried_example(tried(0.2, 0.8), training())
     request = ModelChooser(always("x")).request(scene(), offered(scene())[:2])
@@ -301,6 +302,7 @@ def test_the_command_refuses_what_cannot_be_in_one_line(
     assert error.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_the_command_says_what_it_made(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_scenarios(short_scenes()[:1], tmp_path / "mine.yaml")
     out = tmp_path / "a.jsonl"

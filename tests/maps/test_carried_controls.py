@@ -112,6 +112,7 @@ def seen(network: Path, steps: int = 150) -> tuple[list[Any], list[str]]:
     return programs, shown
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "change"),
     few([("static", second), ("actuated", None), ("static", None), ("static", timed), ("delay_based", None)], 2),

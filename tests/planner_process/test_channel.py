@@ -81,6 +81,7 @@ def damaged(draw: st.DrawFn) -> bytes:
     return bytes(whole[: draw(st.integers(0, len(whole)))])
 
 
+@pytest.mark.slow
 @settings(max_examples=100, deadline=None)
 @given(st.one_of(st.binary(max_size=400), st.binary(max_size=300).map(framed), damaged()))
 def test_no_bytes_make_the_parent_raise_or_hang(data: bytes) -> None:

@@ -118,6 +118,7 @@ def test_it_stays_where_it_is_while_the_goal_lane_is_full() -> None:
     assert max(abs(state.y_m) for state in states) < 0.7
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("driving_side", few(["right", "left"], 1))
 def test_it_passes_a_parked_car_and_comes_back(driving_side: DrivingSide) -> None:
     """On the own side of a two-way road: the centre does not leave the lane."""
@@ -160,6 +161,7 @@ def test_the_longer_it_waits_the_more_it_is_worth_to_pass() -> None:
     assert planner.decision.manoeuvre == "pass"
 
 
+@pytest.mark.slow
 def test_it_waits_behind_a_car_that_waits_at_a_light() -> None:
     waiting = cars((-16.0, -WIDTH_M / 2))
     task = mission(CROSSING, ("1", "13", "7"))

@@ -54,6 +54,7 @@ def drive(
     return driven(planner, start, round(10 * seconds), actors), len(planner.plans)
 
 
+@pytest.mark.slow
 def test_where_nothing_new_comes_up_it_makes_a_fifth_of_the_plans() -> None:
     others = cars((70.0, 0.0, 9.0), (20.0, -WIDTH_M, 12.0))
     normal, fast = (drive(ROAD, START, others, budget=budget) for budget in ("normal", "fast"))
@@ -67,6 +68,7 @@ def test_even_on_a_free_road_a_plan_has_its_end() -> None:
     assert plans == np.ceil(10.0 / KEPT_S["fast"][0])
 
 
+@pytest.mark.slow
 def test_it_passes_a_parked_car_when_nobody_comes() -> None:
     task = mission(TWO_WAY, ("1",), goal_arc_m=250.0)
     oncoming = cars((170.0 - 312.0, WIDTH_M / 2, 10.0, np.pi), prefix="oncoming")

@@ -170,6 +170,7 @@ def test_it_changes_before_its_lane_leaves_the_route_if_there_is_room() -> None:
     assert states[-1].x_m > END_M
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("red", [True, False])
 def test_who_missed_its_lane_stops_at_the_red_light_of_the_one_that_it_is_on(red: bool) -> None:
     row = cars(*((x, 0.0, 8.0) for x in np.arange(-120.0, 300.0, 9.0).tolist()))

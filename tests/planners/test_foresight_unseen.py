@@ -73,6 +73,7 @@ def test_nobody_is_hidden_where_somebody_is_seen() -> None:
     assert (np.abs(left - CAR_LENGTH_M / 2 - seen_m) > (4.8 + CAR_LENGTH_M) / 2 + CLEAR_M - 1e-9).all()
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(seed=st.integers(0, 2**32 - 1), count=st.integers(1, 12))
 def test_whoever_is_taken_to_be_hidden_the_benchmark_hides(seed: int, count: int) -> None:
@@ -149,6 +150,7 @@ def change_cost(waited_s: float, *, hides: bool) -> float:
     return min(cost for name, cost in planner.decision.options if name.startswith("change"))
 
 
+@pytest.mark.slow
 def test_to_go_over_before_who_may_be_hidden_costs_less_the_longer_the_ego_has_waited() -> None:
     at_once, later = (change_cost(waited_s, hides=True) for waited_s in (1.0, 6.0))
     assert at_once > change_cost(1.0, hides=False) + 2.0

@@ -41,6 +41,7 @@ def test_it_changes_lane_after_lane_to_the_goal() -> None:
     assert max(abs(s.vx_mps * s.yaw_rate_radps) for s in states) < 2.0
 
 
+@pytest.mark.slow
 def test_beside_a_stream_it_takes_a_gap() -> None:
     """Cars every 32 m at 10 m/s on the goal lane: it must fit in between, and does without touching."""
     states = driven(started(TO_THE_LEFT), ego(20.0, -3.5, 13.0), 220, stream(32.0))

@@ -42,6 +42,7 @@ def decide(state: EgoState, actors: Actors | None = None, lights: Signals | None
     return planner.decision
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", ["run_boulevard_idm_reactive", "run_cross_straight_idm_reactive", "run_lht_merge_idm_reactive"]
 )

@@ -48,6 +48,7 @@ def test_it_changes_to_the_goal_lane_and_stays_there() -> None:
     assert abs(states[-1].heading_rad) < 0.03
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("behind_m", "mps", "goes"), [(12.0, 10.0, False), (40.0, 9.0, True)])
 def test_it_does_not_change_before_somebody_who_would_have_to_brake_hard(
     behind_m: float, mps: float, goes: bool
@@ -80,6 +81,7 @@ def test_there_are_at_most_sixty_proposals_and_on_a_single_lane_thirty() -> None
     assert proposed(started(mission(straight_road(lanes=1), ("11",))), ego(30.0, 0.0, 8.0)) == 30
 
 
+@pytest.mark.slow
 @given(x_m=st.floats(20.0, 200.0), left_m=st.floats(-4.5, 1.0), mps=st.floats(0.0, 10.0), heading=st.floats(-0.2, 0.2))
 def test_wherever_it_begins_it_plans_from_where_it_is(x_m: float, left_m: float, mps: float, heading: float) -> None:
     start = ego(x_m, left_m, mps, heading)
@@ -117,6 +119,7 @@ def test_it_changes_on_a_free_road_only_because_a_change_left_to_the_goal_costs(
     assert farthest_m(PdmProposalsSettings()) > 2.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("off_m", [-0.3, 0.3])
 def test_where_its_way_crosses_itself_it_goes_on_along_the_lane_that_it_is_on(off_m: float) -> None:
     at = ego(95.0 + PACIFICA.rear_axle_to_center_m, off_m)

@@ -86,6 +86,7 @@ def test_nesting_is_followed_only_so_deep(tmp_path: Path, levels: int, said: str
         read_scenarios(path)
 
 
+@pytest.mark.slow
 def test_nesting_without_end_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "deep.yaml").write_text("[" * 200_000)
     with pytest.raises(ScenarioError, match=r"deep\.yaml: this is no scenario: lists inside lists without end$"):

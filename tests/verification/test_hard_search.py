@@ -73,6 +73,7 @@ def test_scenes_are_certified_lie_apart_on_their_own_roads_and_nobody_solves_mos
     assert {scene.id.partition("/")[0] for scene in search.taken} == {"hazelwood.overtake"}
 
 
+@pytest.mark.slow
 def test_equal_seeds_give_equal_scenes_and_other_seeds_others(search: HardSearch) -> None:
     hashes = [scene.drawn.scenario.hash() for scene in search.taken]
     assert [scene.drawn.scenario.hash() for scene in found().taken] == hashes
@@ -156,6 +157,7 @@ def test_families_share_the_scenes_and_two_halves_even_out() -> None:
         shares(4, families)
 
 
+@pytest.mark.slow
 def test_nobody_gets_more_than_half_of_the_points_where_failures_have_points_too() -> None:
     def half_solved(candidates: Sequence[HardCandidate]) -> Iterator[tuple[HardCandidate, HardVerdict]]:
         for number, (each, verdict) in enumerate(judged(candidates)):

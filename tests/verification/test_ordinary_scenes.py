@@ -41,6 +41,7 @@ def test_equal_seeds_give_equal_scenes_and_others_others(scenes: list[Scenario])
     assert {s.family for s in scenes} & {s.family for s in later} == {"trip", "changing_lane"}
 
 
+@pytest.mark.slow
 def test_nothing_out_of_the_ordinary_happens_but_that_people_cross_where_one_turns(scenes: list[Scenario]) -> None:
     roads = load_roads(MAP)
     for scene in scenes:

@@ -11,6 +11,7 @@ from interplan_sumo.verification.ordinary_types import shows_its_type
 from interplan_sumo.verification.replay import replay
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("id", "others"),
     [
