@@ -21,7 +21,7 @@ TESTS ?= not slow and not nightly
 
 help:
 	@echo "make benchmark   drive the default suite with the recommended planner, print the table, write report.html"
-	@echo "make test        everything but the slow tests, real SUMO included (3 minutes on two cores; WORKERS=8 on eight)"
+	@echo "make test        everything but the slow tests, real SUMO included (3 minutes on two quick cores; WORKERS=8 on eight)"
 	@echo "make test-all    the slow and the nightly tests, too; TESTS='not nightly' with make test: what every change must pass"
 	@echo "make nightly     a million agent-seconds of traffic around rude egos (an hour on two cores; FUZZ_SEED=1: others)"
 	@echo "make check       lint, format and types"

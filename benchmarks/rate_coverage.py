@@ -70,13 +70,12 @@ class ToyWorld:
 def driven(world: ToyWorld, rng: np.random.Generator) -> list[SegmentRecord]:
     """The segments of one run, naive and boosted ones in turn."""
     found: list[SegmentRecord] = []
-    place, luck = world.places[0], 1.0
-    for index in range(world.segments):
-        if index % world.per_start == 0:
-            place = world.places[int(rng.integers(len(world.places)))]
-            luck = float(np.exp(rng.normal(0.0, world.luck) - world.luck**2 / 2.0))
-        naive = (index + 1) * world.naive % 1.0 < index * world.naive % 1.0 or world.naive == 1.0
-        found.append(_segment(index, f"e{index // world.per_start}", place, luck, naive, rng))
+    for start, first in enumerate(range(0, world.segments, world.per_start)):
+        place = world.places[int(rng.integers(len(world.places)))]
+        luck = float(np.exp(rng.normal(0.0, world.luck) - world.luck**2 / 2.0))
+        for index in range(first, min(first + world.per_start, world.segments)):
+            naive = (index + 1) * world.naive % 1.0 < index * world.naive % 1.0 or world.naive == 1.0
+            found.append(_segment(index, f"e{start}", place, luck, naive, rng))
     return found
 
 
