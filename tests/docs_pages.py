@@ -12,6 +12,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from tests.environments import environment
+
 SLOW = "<!-- docs: slow -->"
 """Stands before a fenced block that only the slow tests run."""
 ELSEWHERE = "<!-- docs: elsewhere -->"
@@ -142,16 +144,12 @@ def drive_page(blocks: list[Block], folder: Path) -> subprocess.CompletedProcess
         f'--no-build-isolation --disable-pip-version-check --target "{installed}" "$@"\n'
     )
     pip.chmod(0o755)
-    environment = {
-        **os.environ,
-        "PATH": f"{places}:{Path(sys.executable).parent}:{os.environ['PATH']}",
-        "PYTHONPATH": ":".join([str(installed), *filter(None, sys.path)]),
-    }
+    programs = f"{places}:{Path(sys.executable).parent}:{os.environ['PATH']}"
     return subprocess.run(
         [sys.executable, "-c", "from docs_pages import main; main()"],
         input=json.dumps([asdict(block) for block in blocks]),
         cwd=folder,
-        env=environment,
+        env=environment(installed, PATH=programs),
         capture_output=True,
         text=True,
         check=False,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import subprocess
 import sys
@@ -23,6 +22,7 @@ from interplan_sumo.errors import PlannerLoadError, RunFolderError, UnknownNameE
 from interplan_sumo.report.compare import Comparison
 from interplan_sumo.world.trajectory import Trajectory
 from tests.batch.busy import Log
+from tests.environments import environment
 
 SCENE = "nudge/0"
 METHODS = (FunctionType, classmethod, staticmethod, property, cached_property)
@@ -55,9 +55,8 @@ def drives(tmp_path_factory: pytest.TempPathFactory) -> pd.DataFrame:
 
 
 def _python(*arguments: str, folder: Path | None = None) -> str:
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     done = subprocess.run(
-        [sys.executable, *arguments], env=environment, cwd=folder, capture_output=True, text=True, check=False
+        [sys.executable, *arguments], env=environment(), cwd=folder, capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr
     return done.stdout.strip()

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import gzip
 import json
-import os
 import re
 import subprocess
 import sys
@@ -18,6 +17,8 @@ from typing import Any
 
 import pytest
 from docs_pages import blocks_of
+
+from tests.environments import environment
 
 ROOT = Path(__file__).parents[1]
 PAGES = [
@@ -72,18 +73,17 @@ class Stranger:
         installed = folder / "installed"
         self.python("-m", "pip", "install", "--quiet", "--no-deps", "--no-build-isolation", "--target", str(installed),
                     str(folder / "package"))  # fmt: skip
-        self.path = ":".join([str(installed), *filter(None, sys.path)])
+        self.told = environment(installed, OPENBLAS_NUM_THREADS="1")
         for page in PAGES:
             for block in blocks_of(page):
                 if block.language == "python" and block.slow and block.file is None:
                     self.python("-c", block.text)
 
-    path = ":".join(filter(None, sys.path))
+    told = environment(OPENBLAS_NUM_THREADS="1")
 
     def python(self, *arguments: str) -> str:
-        environment = {**os.environ, "PYTHONPATH": self.path, "OPENBLAS_NUM_THREADS": "1"}
         done = subprocess.run(
-            [sys.executable, *arguments], cwd=self.folder, env=environment, capture_output=True, text=True, check=False
+            [sys.executable, *arguments], cwd=self.folder, env=self.told, capture_output=True, text=True, check=False
         )
         assert done.returncode == 0, f"{arguments}\n{done.stdout}\n{done.stderr}"
         return done.stdout

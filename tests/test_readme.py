@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import shlex
 import subprocess
@@ -13,6 +12,7 @@ import pytest
 
 from interplan_sumo.planner import Planner
 from interplan_sumo.testing import check_planner
+from tests.environments import environment
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -30,18 +30,18 @@ def test_the_planner_of_the_readme_runs_from_the_folder_that_it_lies_in(tmp_path
     code = next(block for block in re.findall(r"```python\n(.*?)```", README, re.DOTALL) if "class Careful" in block)
     (tmp_path / "my_planner.py").write_text(code)
     command = [sys.executable, "-c", "import sys; from interplan_sumo.cli import main; sys.exit(main())"]
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path)), "PYTHONSAFEPATH": "1"}
+    told = environment(PYTHONSAFEPATH="1")
     for arguments in (
         "planners check my_planner:Careful",
         "run --planner my_planner:Careful --suite smoke==1 --limit 1 --workers 1 --out out --quiet",
     ):
         done = subprocess.run(
-            [*command, *arguments.split()], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
+            [*command, *arguments.split()], cwd=tmp_path, env=told, capture_output=True, text=True, check=False
         )
         assert done.returncode == 0, done.stderr
     missing = subprocess.run(
         [*command, "run", "--planner", "your_planner:Careful", "--out", "other"],
-        cwd=tmp_path, env=environment, capture_output=True, text=True, check=False,
+        cwd=tmp_path, env=told, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert missing.returncode == 2
     assert "there is no module 'your_planner'" in missing.stderr

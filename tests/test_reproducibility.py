@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 
 import pytest
+
+from tests.environments import environment
 
 CODE = """
 from interplan_sumo.planner import load_planner
@@ -23,7 +24,7 @@ def test_a_trace_is_equal_under_two_blas_kernels() -> None:
     hashes = {
         kernel: subprocess.run(
             [sys.executable, "-c", CODE],
-            env={**os.environ, "OPENBLAS_CORETYPE": kernel, "PYTHONPATH": os.pathsep.join(sys.path)},
+            env=environment(OPENBLAS_CORETYPE=kernel),
             capture_output=True,
             text=True,
             check=True,

@@ -11,7 +11,7 @@ from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.planner import split_spec
 from interplan_sumo.report.paper_comparison import PUBLISHED_COLUMNS, published_figure, published_rows
 from interplan_sumo.report.table import POINTS, Cell, Column, ResultsTable, make_table
-from interplan_sumo.statistics.intervals import interval_within
+from interplan_sumo.statistics.intervals import mean_interval
 from interplan_sumo.statistics.scene_values import DriveValue, mean_over_scenes
 from interplan_sumo.world.csv_tables import number_in, read_table, write_table
 from tools.cells import FAMILIES, RARE, best_first, cell_text, family_titles, with_interval
@@ -129,7 +129,7 @@ def _oracle_cell(column: Column, rows: Iterable[Mapping[str, str]]) -> Cell:
         for row in rows
         if column.covers(row["family"])
     }
-    return Cell(mean_over_scenes(values), interval_within(values, POINTS), len(values), len(values))
+    return Cell(mean_over_scenes(values), mean_interval(values, POINTS), len(values), len(values))
 
 
 def _who(options: str) -> str:

@@ -17,7 +17,7 @@ from interplan_sumo.report.failure_reasons import lost_points
 from interplan_sumo.report.standing_formats import BRACKETS
 from interplan_sumo.report.table import POINTS
 from interplan_sumo.report.text import figure, grid, rounded
-from interplan_sumo.statistics.intervals import interval_within
+from interplan_sumo.statistics.intervals import mean_interval
 from interplan_sumo.statistics.scene_values import DriveValue, mean_over_scenes
 from interplan_sumo.verification.audit import DEFECTS, AuditFinding, classes, finding
 
@@ -65,7 +65,7 @@ def audit_json(
 def _share_json(kind: str, found: Sequence[tuple[Row, AuditFinding]]) -> dict[str, Any]:
     """How many percent of the scenarios are of a class, with the 95 % interval for scenarios like these."""
     drives = {(row.scenario_id, row.seed): DriveValue(row.family, 100.0 * (each.kind == kind)) for row, each in found}
-    interval = interval_within(drives, POINTS)
+    interval = mean_interval(drives, POINTS)
     return {
         "percent": rounded(mean_over_scenes(drives)),
         "ci": None if interval is None else [rounded(bound) for bound in interval],

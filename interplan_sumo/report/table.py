@@ -16,7 +16,7 @@ from interplan_sumo.errors import RunFolderError
 from interplan_sumo.families import families, find_family
 from interplan_sumo.report.driven import DrivenRun, family_of, together
 from interplan_sumo.report.standing import LineValues, Standing, standing
-from interplan_sumo.statistics.intervals import interval_within
+from interplan_sumo.statistics.intervals import mean_interval
 from interplan_sumo.statistics.scene_values import DriveKey, DriveValue, DriveValues, mean_over_scenes
 
 ORDINARY: Final = "ordinary"
@@ -354,4 +354,4 @@ def _values(column: Column, scenarios: Iterable[_Scenario]) -> tuple[DriveValues
 
 
 def _cell(values: DriveValues, done: int, asked: int) -> Cell:
-    return Cell(mean_over_scenes(values), interval_within(values, POINTS), done, asked)
+    return Cell(mean_over_scenes(values), mean_interval(values, POINTS), done, asked)

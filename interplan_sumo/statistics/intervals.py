@@ -137,7 +137,7 @@ def mean_estimate(drives: DriveValues) -> MeanEstimate | None:
     )
 
 
-def interval_within(drives: DriveValues, limits: Range) -> Range | None:
+def mean_interval(drives: DriveValues, limits: Range) -> Range | None:
     """That of the mean over scenes, of figures that lie within these limits; None with fewer than two scenes."""
     estimate = mean_estimate(drives)
     return None if estimate is None else estimate.interval_within(limits)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 import time
@@ -16,6 +15,7 @@ from interplan_sumo.batch.run import run
 from interplan_sumo.batch.run_folder import StoredRun, read_run
 from interplan_sumo.scenario.files import write_scenarios
 from tests.batch.busy import BUSY
+from tests.environments import environment
 from tests.records import hashes
 
 PLANNERS = ("straight_ahead", "idm")
@@ -54,9 +54,8 @@ def test_a_clock_that_jumps_by_a_day_changes_no_row(by_s: float, undisturbed: St
     command = [sys.executable, "-m", "interplan_sumo", "run", "--quiet", "--workers", "2", "--out", str(folder)]
     command += ["--scenarios", str(undisturbed.path.parent / "mine.yaml")]
     command += [word for planner in PLANNERS for word in ("--planner", planner)]
-    path = os.pathsep.join([str(tmp_path / "clock"), *filter(None, sys.path)])
     lines, deadline_s = folder / "results.jsonl", time.monotonic() + 120.0
-    with subprocess.Popen(command, env={**os.environ, "PYTHONPATH": path}, stdout=subprocess.DEVNULL) as process:
+    with subprocess.Popen(command, env=environment(tmp_path / "clock"), stdout=subprocess.DEVNULL) as process:
         while not (lines.exists() and lines.stat().st_size):
             assert process.poll() is None
             assert time.monotonic() < deadline_s

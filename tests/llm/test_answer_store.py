@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -17,6 +16,7 @@ from interplan_llm.models.protocol import LanguageModel, Message, ModelFailure, 
 from interplan_llm.models.scripted import ScriptedModel
 from interplan_llm.models.store import AnswerStore, Entry, Mode, StoredModel, key_of
 from interplan_sumo.errors import InputError
+from tests.environments import environment
 from tests.llm.questions import question
 
 
@@ -120,9 +120,9 @@ for i in range(100):
 
 def test_processes_that_write_at_once_lose_nothing(tmp_path: Path) -> None:
     path = tmp_path / "answers.jsonl"
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     writers = [
-        subprocess.Popen([sys.executable, "-c", WRITER, str(path), str(number)], env=environment) for number in range(3)
+        subprocess.Popen([sys.executable, "-c", WRITER, str(path), str(number)], env=environment())
+        for number in range(3)
     ]
     assert [writer.wait(60) for writer in writers] == [0, 0, 0]
     assert len(AnswerStore(path)) == 300

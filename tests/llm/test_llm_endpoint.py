@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 import threading
@@ -13,6 +12,7 @@ import pytest
 from interplan_llm.models.endpoint import address, key_for, spelled, within
 from interplan_sumo.errors import InputError
 from interplan_sumo.extras import library
+from tests.environments import environment
 from tests.yardstick import at_most
 
 BOTH = {"INTERPLAN_LLM_KEY": "ours", "OPENAI_API_KEY": "theirs"}
@@ -73,8 +73,9 @@ def test_importing_the_models_imports_none_of_the_extra_libraries() -> None:
     program = (
         "import sys, interplan_llm.models.spec; print(sorted({'httpx2', 'openai', 'xllamacpp'} & sys.modules.keys()))"
     )
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", program], env=environment(), capture_output=True, text=True, check=True
+    )
     assert done.stdout.strip() == "[]"
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks.interval_coverage import PAIRS, SUITES, MadeUpSuite, PairedSuite, coverage, detection
 from interplan_sumo.statistics import intervals
-from interplan_sumo.statistics.intervals import MeanEstimate, interval_within, mean_estimate, unpaired_difference
+from interplan_sumo.statistics.intervals import MeanEstimate, mean_estimate, mean_interval, unpaired_difference
 from interplan_sumo.statistics.scene_values import (
     DriveValue,
     DriveValues,
@@ -117,8 +117,8 @@ def test_families_of_one_scene_are_taken_together() -> None:
 
 
 def test_an_interval_stays_within_what_a_figure_can_be() -> None:
-    assert interval_within(drives([50.0]), POINTS) is None
-    assert interval_within(drives([0.0, 100.0]), POINTS) == POINTS
+    assert mean_interval(drives([50.0]), POINTS) is None
+    assert mean_interval(drives([0.0, 100.0]), POINTS) == POINTS
     low, high = estimate([100.0] * 9 + [50.0]).interval_within(POINTS)
     assert 70.0 < low < 95.0 < high <= 100.0
 
