@@ -124,20 +124,18 @@ def _settle(report: Report, pool: WorkerPool, state: _Bookkeeping) -> Outcome | 
 
 def _not_opened(report: Report, pool: WorkerPool, state: _Bookkeeping) -> Outcome | None:
     """Book a worker that could not open its group: once it had been opened, that is the next task's fault."""
-    group, why = report.worker.group, report.answer.input_error
+    group = report.worker.group
     if report.worker in pool.workers:
         pool.stop(report.worker)
-    if why is None or report.answer.killed_from_outside:
-        failures = state.failed_openings[group] = state.failed_openings.get(group, 0) + 1
-        if failures <= OUTSIDE_KILLS_FORGIVEN:
-            return None
-        why = why or _did_not_open(report)
+    if _opens_again(report, state.failed_openings):
+        return None
     if group not in state.opened:
-        raise PlannerLoadError(why)
+        raise PlannerLoadError(_did_not_open(report))
     state.failed_openings.pop(group, None)
     if not state.waiting[group]:
         return None
-    return Outcome(state.waiting[group].popleft(), {}, Fault("planner", why), 0.0, printed=report.printed)
+    fault = Fault("planner", _did_not_open(report))
+    return Outcome(state.waiting[group].popleft(), {}, fault, 0.0, printed=report.printed)
 
 
 def _try_groups(groups: list[str], pool: WorkerPool, workers: int, tried: set[str]) -> None:
@@ -158,21 +156,25 @@ def _opened(started: list[Worker], pool: WorkerPool) -> list[Worker]:
     while not all(worker.ready for worker in started):
         for report in pool.reports():
             worker, answer = report.worker, report.answer
-            if answer.input_error is not None and not answer.killed_from_outside:
-                raise InputError(answer.input_error)
-            if report.ending is None and answer.input_error is None:
+            if answer.ready:
                 worker.ready, worker.task_since_s = True, time.monotonic()
                 continue
             if worker not in started:
                 continue  # one of those who had opened theirs before
-            failures[worker.group] = failures.get(worker.group, 0) + 1
-            from_outside = answer.killed_from_outside or (report.ending is not None and _from_outside(report.ending))
-            if failures[worker.group] > OUTSIDE_KILLS_FORGIVEN or not from_outside:
-                raise PlannerLoadError(answer.input_error or _did_not_open(report))
+            if not _opens_again(report, failures):
+                raise PlannerLoadError(_did_not_open(report))
             if worker in pool.workers:
                 pool.stop(worker)
             started[started.index(worker)] = pool.start(worker.group)
     return started
+
+
+def _opens_again(report: Report, failures: dict[str, int]) -> bool:
+    """Count a worker that did not open its group; whether that was somebody else's doing and is forgiven once more."""
+    group, ending = report.worker.group, report.ending
+    failures[group] = failures.get(group, 0) + 1
+    outside = report.answer.killed_from_outside or (ending is not None and _from_outside(ending))
+    return outside and failures[group] <= OUTSIDE_KILLS_FORGIVEN
 
 
 def _staff(waiting: dict[str, deque[Task]], pool: WorkerPool, workers: int) -> None:
@@ -223,6 +225,9 @@ def _blame(ending: Ending) -> Fault:
 
 
 def _did_not_open(report: Report) -> str:
+    """Why, in the words of the worker if it said any."""
+    if report.answer.input_error is not None:
+        return report.answer.input_error
     ending = report.ending or Ending(None, "load")
     why = ending.limit or ending.lost or f"its process {death(ending.exit_code)}"
     printed = report.printed.strip().splitlines()

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import sys
 import time
+from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -228,9 +230,31 @@ def test_more_groups_than_workers_are_tried_a_few_at_a_time(tmp_path: Path) -> N
     assert most == 2
 
 
-def test_a_planner_that_is_never_built_is_named(tmp_path: Path) -> None:
-    with pytest.raises(PlannerLoadError, match=r"took longer than 0\.5 s to build"):
-        run("opens forever", tmp_path, workers=1, limits=Limits(load_s=0.5))
+@pytest.mark.parametrize(
+    ("group", "others", "words"),
+    [
+        ("exits while opening", (), "exited with code 7"),
+        ("exits while opening", ("works",), "exited with code 7"),
+        ("opens forever", (), r"took longer than 0\.5 s to build"),
+    ],
+)
+def test_a_planner_that_spoils_its_own_building_is_built_once_and_named(
+    group: str, others: tuple[str, ...], words: str, tmp_path: Path
+) -> None:
+    started: Counter[str] = Counter()
+
+    class Counted(ProcessPool):
+        def start(self, group: str) -> Worker:
+            started[group] += 1
+            return super().start(group)
+
+    pool = Counted(open_toy, replace(QUICK, load_s=0.5 if group == "opens forever" else QUICK.load_s), tmp_path)
+    try:
+        with pytest.raises(PlannerLoadError, match=words):
+            list(run_with(pool, [Task(each, each, (0, str(tmp_path))) for each in (group, *others)], 1))
+    finally:
+        pool.stop_all()
+    assert started[group] == 1
     assert children() == []
 
 
