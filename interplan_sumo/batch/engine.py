@@ -124,18 +124,17 @@ def _settle(report: Report, pool: WorkerPool, state: _Bookkeeping) -> Outcome | 
 
 def _not_opened(report: Report, pool: WorkerPool, state: _Bookkeeping) -> Outcome | None:
     """Book a worker that could not open its group: once it had been opened, that is the next task's fault."""
-    group = report.worker.group
+    group, why = report.worker.group, _did_not_open(report)
     if report.worker in pool.workers:
         pool.stop(report.worker)
     if _opens_again(report, state.failed_openings):
         return None
     if group not in state.opened:
-        raise PlannerLoadError(_did_not_open(report))
+        raise PlannerLoadError(why)
     state.failed_openings.pop(group, None)
     if not state.waiting[group]:
         return None
-    fault = Fault("planner", _did_not_open(report))
-    return Outcome(state.waiting[group].popleft(), {}, fault, 0.0, printed=report.printed)
+    return Outcome(state.waiting[group].popleft(), {}, Fault("planner", why), 0.0, printed=report.printed)
 
 
 def _try_groups(groups: list[str], pool: WorkerPool, workers: int, tried: set[str]) -> None:
