@@ -74,12 +74,13 @@ def _driven(run: StoredRun) -> dict[str, dict[str, float]]:
 
 def means(half: Half, rng: np.random.Generator | None = None) -> np.ndarray:
     """Of each planner, families alike; with scenes drawn again if there is a generator, the same for all."""
-    rows = {family: np.arange(len(scores)) for family, scores in next(iter(half.values())).items()}
-    if rng is not None:
-        rows = {family: rng.integers(len(each), size=len(each)) for family, each in rows.items()}
-    return np.array(
-        [np.mean([np.asarray(of[family])[each].mean() for family, each in rows.items()]) for of in half.values()]
-    )
+    found: list[np.ndarray] = []
+    for family in next(iter(half.values())):
+        scores = np.array([of[family] for of in half.values()])
+        if rng is not None:
+            scores = scores[:, rng.integers(scores.shape[1], size=scores.shape[1])]
+        found.append(scores.mean(axis=1))
+    return np.mean(found, axis=0)
 
 
 def bounds(half: Half) -> np.ndarray:
