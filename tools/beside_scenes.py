@@ -14,7 +14,7 @@ from interplan_sumo.endurance.rate_sample import MeasureKey
 from interplan_sumo.report.table import ResultsTable, unsafe_share
 from interplan_sumo.statistics.event_rates import Floats
 from tools.cells import DRIVEN, RARE, by_family, cell_text, points
-from tools.hard_scores import tau
+from tools.hard_scores import drawn_again, tau
 from tools.kilometres import drawn_rates, rates
 
 ORDERED: Final[Mapping[MeasureKey, str]] = {
@@ -71,7 +71,7 @@ def _scenes(table: ResultsTable, names: list[str], of: Callable[[Row], float]) -
 def _drawn_means(scenes: list[Floats], rng: np.random.Generator | None = None) -> Floats:
     """(P,) what planners have on average in all scenes, or in some of each type, drawn again, the same for all."""
     if rng is not None:
-        scenes = [family[:, rng.integers(family.shape[1], size=family.shape[1])] for family in scenes]
+        scenes = [drawn_again(family, rng) for family in scenes]
     return np.concatenate(scenes, axis=1).mean(axis=1)
 
 

@@ -77,10 +77,13 @@ def means(half: Half, rng: np.random.Generator | None = None) -> np.ndarray:
     found: list[np.ndarray] = []
     for family in next(iter(half.values())):
         scores = np.array([of[family] for of in half.values()])
-        if rng is not None:
-            scores = scores[:, rng.integers(scores.shape[1], size=scores.shape[1])]
-        found.append(scores.mean(axis=1))
+        found.append((scores if rng is None else drawn_again(scores, rng)).mean(axis=1))
     return np.mean(found, axis=0)
+
+
+def drawn_again(scores: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Scores of planners in scenes, (P, S), in as many scenes drawn with replacement, the same for all planners."""
+    return scores[:, rng.integers(scores.shape[1], size=scores.shape[1])]
 
 
 def bounds(half: Half) -> np.ndarray:
