@@ -14,6 +14,7 @@ export PIP_CONSTRAINT = $(CURDIR)/constraints.txt
 # Without bytecode on disk every process of pytest rewrites all tests anew.
 unexport PYTHONDONTWRITEBYTECODE
 
+EXTRAS ?= dev
 DATA ?= data/ordinary
 TESTS ?= not slow and not nightly
 
@@ -45,7 +46,7 @@ $(VENV)/.installed: pyproject.toml constraints.txt | $(BIN)/python
 	@touch $@
 
 $(VENV)/.installed-dev: pyproject.toml constraints.txt | $(BIN)/python
-	$(BIN)/python -m pip install --quiet --editable ".[dev]"
+	$(BIN)/python -m pip install --quiet --editable ".[$(EXTRAS)]"
 	@touch $@ $(VENV)/.installed
 
 setup: $(VENV)/.installed-dev

@@ -10,10 +10,10 @@ import pytest
 from interplan_sumo.maps.store import maps
 
 
-def few(cases: Iterable[Any], quick: int, often: int | None = None) -> list[Any]:
+def few(cases: Iterable[Any], quick: int, often: int = 1) -> list[Any]:
     """Cases for `parametrize`: the first so many as they are, up to `often` marked as slow, others as nightly."""
     return [
-        _case(case) if number < quick else slow(case) if often is None or number < often else nightly(case)
+        _case(case) if number < quick else slow(case) if number < often else nightly(case)
         for number, case in enumerate(cases)
     ]
 

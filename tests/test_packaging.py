@@ -9,9 +9,12 @@ import subprocess
 import sys
 import tarfile
 import zipfile
+from collections.abc import Iterable
+from importlib.metadata import Distribution, PathDistribution, distribution
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
 
 ROOT = Path(__file__).parents[1]
 SHIPPED = ("nets/", "routes/")
@@ -76,11 +79,30 @@ def test_the_sdist_holds_the_tests_with_the_pages_that_they_read_and_no_leftover
     assert top <= documents | settings | {"docs", "interplan_sumo", "planners", "nets", "routes", "tests", "tools"}
 
 
-def test_a_fresh_environment_runs_and_scores_a_scenario_outside_the_checkout(built: Path, tmp_path: Path) -> None:
+def asked_for(requirements: Iterable[str]) -> list[Distribution]:
+    """The libraries here that are named without any extra, those that these name, and so on."""
+    found: dict[str, Distribution] = {}
+    wanted = [*requirements]
+    while wanted:
+        requirement = Requirement(wanted.pop())
+        if requirement.name not in found and (requirement.marker is None or requirement.marker.evaluate({"extra": ""})):
+            found[requirement.name] = distribution(requirement.name)
+            wanted += found[requirement.name].requires or ()
+    return list(found.values())
+
+
+def test_with_nothing_but_what_it_asks_for_the_wheel_runs_and_scores_a_scenario(built: Path, tmp_path: Path) -> None:
+    """Libraries are lent from the environment of the tests: nothing is fetched, and what is not named is not there."""
     (wheel,) = built.glob("*.whl")
-    run([sys.executable, "-m", "venv", tmp_path / "venv"], tmp_path)
+    run([sys.executable, "-m", "venv", "--without-pip", tmp_path / "venv"], tmp_path)
     scripts = tmp_path / "venv" / ("Scripts" if os.name == "nt" else "bin")
-    run([scripts / "python", "-m", "pip", "install", "--quiet", wheel], tmp_path)
+    pip = [sys.executable, "-m", "pip", "--python", scripts / "python"]
+    run([*pip, "install", "--quiet", "--no-deps", wheel], tmp_path)
+    (site,) = (tmp_path / "venv").rglob("site-packages")
+    (own,) = site.glob("*.dist-info")
+    for library in asked_for(PathDistribution(own).requires or ()):
+        for name in {file.parts[0] for file in library.files or ()} - {"..", "__pycache__"}:
+            (site / name).symlink_to(str(library.locate_file(name)))
     command = scripts / "interplan-sumo"
 
     listed = json.loads(run([command, "scenarios", "list", "--suite", "smoke==1", "--json"], tmp_path))

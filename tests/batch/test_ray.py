@@ -126,6 +126,7 @@ def test_a_task_that_loses_its_actor_is_done_again(
     assert [o.fault for o in outcomes("works", folder=tmp_path).values()] == [None] * 3
 
 
+@pytest.mark.nightly
 def test_a_task_that_loses_three_actors_is_a_timeout_that_says_so(
     cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -201,6 +202,7 @@ def test_ones_own_scenarios_and_maps_go_on_there_and_are_verified_there_without_
     assert [(check.verdict, check.reason) for check in found.checks] == [("equal", ""), ("equal", "")]
 
 
+@pytest.mark.nightly
 def test_a_bundle_is_judged_there(cluster: Any, mine: Path, tmp_path: Path) -> None:
     del cluster
     file = str(mine / "mine.yaml")

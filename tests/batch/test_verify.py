@@ -86,7 +86,8 @@ STRAIGHT = RowSample(None, planners=("straight_ahead",))
 
 
 @pytest.mark.parametrize(
-    ("with_planner", "words"), few([(True, "the same planner fault"), (False, "its drive until the planner fault")], 1)
+    ("with_planner", "words"),
+    few([(True, "the same planner fault"), (False, "its drive until the planner fault")], 1, 2),
 )
 def test_a_run_comes_again_with_its_faults_and_is_left_as_it_was(
     with_planner: bool, words: str, original: StoredRun

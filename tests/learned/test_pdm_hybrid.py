@@ -30,7 +30,7 @@ from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.ego import PACIFICA, EgoShape, EgoState
 from interplan_sumo.world.geometry import Floats
 from interplan_sumo.world.trajectory import Trajectory
-from tests.quick import slow
+from tests.quick import nightly
 from tools.train.closed_plans import FIELDS, closed_plans, observation
 from tools.train.recipe import find_recipe
 
@@ -241,7 +241,7 @@ def to_where_the_plan_says(state: EgoState, plan: Trajectory, dt_s: float, _shap
 
 
 @pytest.mark.parametrize(("follow", "scenario_id", "nearer_than_m"), [
-    (to_where_the_plan_says, "lane_change_mtd/0", 0.0), slow((lqr.follow, "nudge/0", 0.05)),
+    (to_where_the_plan_says, "lane_change_mtd/0", 0.0), nightly((lqr.follow, "nudge/0", 0.05)),
 ], ids=["perfect", "lqr"])  # fmt: skip
 def test_the_drive_is_pdm_closeds(
     untrained: str, follow: Callable[..., EgoState], scenario_id: str, nearer_than_m: float,

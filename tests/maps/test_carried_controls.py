@@ -247,6 +247,7 @@ def test_the_check_names_pairs_whose_right_of_way_differs(tmp_path: Path) -> Non
             (lambda _: "", "the file holds no program"),
         ],
         2,
+        often=6,
     ),
 )
 def test_a_program_that_cannot_run_is_replaced_by_ours_with_a_note(

@@ -19,6 +19,7 @@ from interplan_sumo.verification.lock import roads_hash
 from interplan_sumo.world.geometry import wrap_angle
 from interplan_sumo.world.roads import Connector, LaneLike, Roads, StopLineKind, Turn
 from tests.maps.sumo_runs import random_traffic
+from tests.quick import DISTRICTS, few
 from tools.make_maps import PLANS
 from tools.make_maps.__main__ import make_map
 from tools.make_maps.draw import draw_plan
@@ -28,13 +29,9 @@ from tools.map_yardsticks import tightest_radius_m, yardsticks
 
 BEFORE = {"back_bay", "hazelwood", "one_north", "strip"}
 """Districts of an earlier way of drawing, without plans, on which the official suites stand."""
-QUICK = ("back_bay", "queenstown")
-every_map = pytest.mark.parametrize(
-    "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in sorted(maps())]
-)
-"""All of them in CI, two in a hurry."""
+every_map = pytest.mark.parametrize("name", DISTRICTS)
 every_drawn_map = pytest.mark.parametrize("name", PLANS)
-every_real_map = pytest.mark.parametrize("name", RECIPES)
+every_real_map = pytest.mark.parametrize("name", few(RECIPES, 1))
 SMALL_BYTES = 600_000
 CARS_APART_M = 2.2
 """Middles of cars that pass one another; at least that far apart are the middles of lanes."""

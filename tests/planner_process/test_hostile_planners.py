@@ -19,7 +19,7 @@ from interplan_sumo.planner_seat import PlannerSeat
 from interplan_sumo.scenario.scenario import LanePosition, Scenario
 from interplan_sumo.simulation.episode import Episode, EpisodeOptions, run_loop
 from tests.planner_process import hostile_planners
-from tests.quick import slow
+from tests.quick import nightly, slow
 
 ROADS = straight_road(lanes=2, length_m=400.0)
 SCENE = Scenario(
@@ -67,11 +67,13 @@ FAULTS = [
 ]
 UNBUILT = [(how, said.strip("`")) for how, said in rows_of("with exit code 2:")]
 HARMLESS = [how for (how,) in rows_of("## Without effect") + rows_of("## Cheats on what it can reach")]
+LIKE_ANOTHER = {how for number, (how, said) in enumerate(FAULTS) if said in {each for _, each in FAULTS[:number]}}
+"""These end with the words of one before them."""
 HASTY = {
     "exit in start", "raise", "crash", "sleep in C", "babble", "eat memory", "fork and exit", "exit in report",
     "move the ego", "patch the score", "walk the frames", "raise while it is built",
 }  # fmt: skip
-"""All of them in CI, these in a hurry."""
+"""These run in a hurry."""
 ELSEWHERE = {"be killed once"}
 """What an operator does is no fault: tests/batch/test_run.py."""
 SHORT = PlannerLimits(load_s=30.0)
@@ -86,8 +88,12 @@ SAID = {
 
 
 def in_a_hurry(cases: list[Any]) -> list[Any]:
-    """The cases, those that are not quick marked as slow."""
-    return [case if (case if isinstance(case, str) else case[0]) in HASTY else slow(case) for case in cases]
+    """The cases, those that are not quick marked as slow, or as nightly if another ends as they do."""
+    names = [case if isinstance(case, str) else case[0] for case in cases]
+    return [
+        case if name in HASTY else nightly(case) if name in LIKE_ANOTHER else slow(case)
+        for name, case in zip(names, cases, strict=True)
+    ]
 
 
 def test_the_page_has_every_hostile_planner_once_and_no_other() -> None:

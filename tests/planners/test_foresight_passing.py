@@ -14,6 +14,7 @@ from interplan_sumo.world.actors import ActorKind, Actors
 from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.signals import Signals
 from tests.planners.staging_planners import foresee
+from tests.quick import few
 
 WIDTH_M = 3.5
 FRONT_M = PACIFICA.length_m / 2
@@ -104,7 +105,7 @@ def test_who_rides_a_bicycle_is_passed_if_slow(rider_mps: float, passes: bool) -
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("lead_m", "mps"), [(73.5, 4.0), (74.0, 5.0)])
+@pytest.mark.parametrize(("lead_m", "mps"), few([(73.5, 4.0), (74.0, 5.0)], 1))
 def test_beside_what_it_was_to_pass_and_that_goes_on_it_waits_and_comes_in_behind_it(lead_m: float, mps: float) -> None:
     """It stands behind a queue on the lane beside, most of it ahead of the car in its own lane, when both set off."""
     roads = straight_road(lanes=2, length_m=500.0, limit_mps=11.0)

@@ -51,6 +51,8 @@ RELEASED = {
 """How many scenarios, and their hash: for ever."""
 WHOLE = ("interplan-large==1", "interplan-hard==1", "common==1")
 """The others choose from these."""
+often_and_whole = pytest.mark.parametrize("key", ["llm==1", *map(nightly, WHOLE)])
+"""Three scenes of each family with every change."""
 MINE = Scenario("mine/0", "mine", "tiny", LanePosition("11", 20.0), 10.0, LanePosition("11", 200.0), ("1",))
 
 
@@ -87,8 +89,8 @@ def test_scenarios_are_those_of_the_lock_in_the_same_order() -> None:
         assert ids_of(key) == tuple(scenario.id for scenario in scenarios)
 
 
+@often_and_whole
 @pytest.mark.slow
-@pytest.mark.parametrize("key", ["interplan==1", *map(nightly, WHOLE)])
 def test_a_suite_is_what_its_lock_says(key: str) -> None:
     assert lock(find_suite(key)) == read_lock(key)
 
@@ -100,17 +102,18 @@ def test_official_scenarios_pass_every_start_check(key: str) -> None:
         assert start_problems(scenario, load_roads(scenario.map)) == [], scenario.id
 
 
+@often_and_whole
 @pytest.mark.slow
-@pytest.mark.parametrize("key", WHOLE)
 def test_every_expert_drives_as_a_car_can_for_no_longer_than_its_scenario_lasts(key: str) -> None:
     for scenario in find_suite(key).scenarios:
         start = start_state(scenario, load_roads(scenario.map))
         assert unreachable(start, expert(scenario), scenario.duration_s) == [], scenario.id
 
 
+@often_and_whole
 @pytest.mark.slow
-def test_official_scenarios_are_sound_before_anybody_moves() -> None:
-    for scenario in scenarios_of(*WHOLE):
+def test_official_scenarios_are_sound_before_anybody_moves(key: str) -> None:
+    for scenario in find_suite(key).scenarios:
         assert start_problems(scenario, load_roads(scenario.map), with_traffic=False) == [], scenario.id
 
 

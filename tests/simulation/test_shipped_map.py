@@ -15,7 +15,7 @@ from interplan_planners.idm import IdmPlanner
 from interplan_planners.straight_ahead import StraightAhead
 from interplan_sumo.errors import MapError, TrafficError
 from interplan_sumo.maps.network import NetworkIds
-from interplan_sumo.maps.store import MapFiles, find_map, load_roads, maps
+from interplan_sumo.maps.store import MapFiles, find_map, load_roads
 from interplan_sumo.scenario.scenario import Jaywalker, LanePosition, Obstacle, Scenario, TrafficDemand
 from interplan_sumo.simulation import setup
 from interplan_sumo.simulation.agent_control import LANE_CHANGE_DEFAULT, NEW_STEPS
@@ -26,12 +26,11 @@ from interplan_sumo.simulation.vehicle_types import vehicle_type_file
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.geometry import box_corners, penetration_m
 from interplan_sumo.world.signals import SignalStatus
-from tests.quick import few
+from tests.quick import DISTRICTS, few
 from tests.scenes import scene
 
 LTD = scene("lane_change_ltd/0")
 HTD = scene("lane_change_htd/0")
-QUICK = ("back_bay", "queenstown")
 STEPS = 400
 """Longer than the longest green of a shipped map."""
 
@@ -74,7 +73,7 @@ def test_imposed_signals_hold_are_seen_and_leave_the_other_lights_alone() -> Non
             traffic.impose_signals({"x": SignalStatus.RED})
 
 
-@pytest.mark.parametrize("scenario", [LTD, pytest.param(HTD, marks=pytest.mark.slow)], ids=lambda s: s.id)
+@pytest.mark.parametrize("scenario", few([LTD, HTD], 1), ids=lambda s: s.id)
 def test_equal_drives_are_equal_and_other_seeds_are_other_drives(scenario: Scenario) -> None:
     short = replace(scenario, duration_s=12.0)
     hashes = [drive(short, IdmPlanner(), seed=seed).trace.hash() for seed in (0, 0, 1)]  # type: ignore[union-attr]
@@ -94,9 +93,7 @@ def snapshot() -> tuple[Snapshot, list[str]]:
     return vehicles, [lights.getRedYellowGreenState(light) for light in lights.getIDList()]
 
 
-@pytest.mark.parametrize(
-    "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in sorted(maps())]
-)
+@pytest.mark.parametrize("name", DISTRICTS)
 def test_without_an_ego_a_district_equals_plain_sumo_to_the_bit(name: str) -> None:
     roads = load_roads(name)
     scenario = random_scenario(name, np.random.default_rng(11), 11)

@@ -15,6 +15,7 @@ from interplan_sumo.scenario.constant_velocity import ego_held, first_contacts, 
 from interplan_sumo.scenario.scenario import LanePosition, Scenario, TrafficDemand
 from interplan_sumo.simulation.network import read_network
 from interplan_sumo.verification.traffic_checks import braking_problems, contact_problems, traffic_problems
+from tests.quick import few
 
 FRONT_M = 20.0 + 5.176 / 2.0
 """Of the ego, which drives at 10 m/s."""
@@ -109,15 +110,7 @@ def test_an_empty_road_needs_no_sumo() -> None:
     assert traffic_problems(staged(map="nowhere"), ONE_LANE) == []
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "back_bay",
-        pytest.param("hazelwood", marks=pytest.mark.slow),
-        pytest.param("one_north", marks=pytest.mark.slow),
-        pytest.param("strip", marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.parametrize("name", few(["back_bay", "one_north", "hazelwood", "strip"], 1, 2))
 def test_dense_traffic_near_junctions_is_safe_at_the_start(name: str) -> None:
     """Every tenth lane that is long enough, oncoming lanes full, whatever the lights show."""
     roads = load_roads(name)
