@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from interplan_sumo.batch import engine
+from interplan_sumo.batch import engine, worker_pool
 from interplan_sumo.batch.engine import run_tasks, run_with
 from interplan_sumo.batch.records import Fault
 from interplan_sumo.batch.tasks import Answer, Limits, Outcome, SharedPhase, Task
@@ -240,8 +240,9 @@ def test_more_groups_than_workers_are_tried_a_few_at_a_time(tmp_path: Path) -> N
     ],
 )
 def test_a_planner_that_spoils_its_own_building_is_built_once_and_named(
-    group: str, others: tuple[str, ...], load_s: float, words: str, tmp_path: Path
+    group: str, others: tuple[str, ...], load_s: float, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(worker_pool, "GRACE_S", 0.5)
     started: Counter[str] = Counter()
 
     class Counted(ProcessPool):
