@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+from functools import cache
 from importlib.resources import files
 from pathlib import Path
 
 from interplan_sumo.errors import MapError, VehicleTypeError
 
 
+@cache
 def data_root() -> Path:
     """The folder that holds `nets/` and `routes/`.
 
