@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -14,6 +14,7 @@ from interplan_sumo.families import names
 from interplan_sumo.scenario.suite import find_suite
 from interplan_sumo.verification.hard_folder import read_scores
 from interplan_sumo.world.csv_tables import number_in, read_table, write_table
+from interplan_sumo.world.geometry import Floats
 
 ROOT: Final = Path(__file__).resolve().parent.parent
 RESULTS: Final = ROOT / "docs/results"
@@ -72,35 +73,39 @@ def _driven(run: StoredRun) -> dict[str, dict[str, float]]:
     return scores
 
 
-def means(half: Half, rng: np.random.Generator | None = None) -> np.ndarray:
+def family_scores(half: Half) -> list[Floats]:
+    """Of each family the scores, (P, S)."""
+    return [np.array(scores) for scores in zip(*(of.values() for of in half.values()), strict=True)]
+
+
+def means(families: Sequence[Floats], rng: np.random.Generator | None = None) -> Floats:
     """Of each planner, families alike; with scenes drawn again if there is a generator, the same for all."""
-    found: list[np.ndarray] = []
-    for family in next(iter(half.values())):
-        scores = np.array([of[family] for of in half.values()])
-        found.append((scores if rng is None else drawn_again(scores, rng)).mean(axis=1))
-    return np.mean(found, axis=0)
+    if rng is not None:
+        families = [drawn_again(scores, rng) for scores in families]
+    return np.mean([scores.mean(axis=1) for scores in families], axis=0)
 
 
-def drawn_again(scores: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def drawn_again(scores: Floats, rng: np.random.Generator) -> Floats:
     """Scores of planners in scenes, (P, S), in as many scenes drawn with replacement, the same for all planners."""
     return scores[:, rng.integers(scores.shape[1], size=scores.shape[1])]
 
 
-def bounds(half: Half) -> np.ndarray:
+def bounds(families: Sequence[Floats]) -> Floats:
     """Between what 95 % of the means lie for scenes like these, 0 to 100: low and high, (2, planners)."""
     rng = np.random.default_rng(0)
-    drawn = np.array([means(half, rng) for _ in range(DRAWS)])
+    drawn = np.array([means(families, rng) for _ in range(DRAWS)])
     return 100.0 * np.quantile(drawn, (0.025, 0.975), axis=0)
 
 
 def totals(half: Half) -> dict[str, str]:
     """By planner, the best first, the mean and between what 95 % lie, 0 to 100."""
-    names, every, (low, high) = [*half], 100.0 * means(half), bounds(half)
+    families = family_scores(half)
+    names, every, (low, high) = [*half], 100.0 * means(families), bounds(families)
     order = np.argsort(-every, kind="stable").tolist()
     return {names[place]: f"{every[place]:.0f} [{low[place]:.0f}, {high[place]:.0f}]" for place in order}
 
 
-def tau(one: np.ndarray, other: np.ndarray) -> float:
+def tau(one: Floats, other: Floats) -> float:
     """Kendall's, of two scores of the same planners."""
     found: Any = kendalltau(one, other)
     return float(found.statistic)

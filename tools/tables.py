@@ -47,6 +47,7 @@ from tools.hard_scores import (
     HARD,
     ROOT,
     both_halves,
+    family_scores,
     keep_hidden,
     means,
     panel_scores,
@@ -264,17 +265,18 @@ def halves(drives: Drives) -> list[str]:
 
 def halves_order(drives: Drives) -> list[str]:
     """Whether both halves rank the planners alike, in a sentence."""
-    shown, hidden = both_halves(drives.run)
+    halves = both_halves(drives.run)
+    shown, hidden = map(family_scores, halves)
     both = (means(shown), means(hidden))
     rng = np.random.default_rng(0)
     drawn = [tau(means(shown, rng), means(hidden, rng)) for _ in range(DRAWS)]
     low, high = np.nanquantile(drawn, (0.025, 0.975))
     found, apart = tau(*both), 100.0 * float(np.abs(both[0] - both[1]).mean())
-    scenes = [sum(map(len, next(iter(half.values())).values())) for half in (shown, hidden)]
+    scenes = [sum(scores.shape[1] for scores in families) for families in (shown, hidden)]
     return [
         f"{scenes[0]} scenes that are shipped and {scenes[1]} that are kept back, found with different seeds, rank "
-        f"{len(shown)} planners alike: Kendall's tau {found:.2f} (95 % of those with scenes drawn again: {low:.2f} to "
-        f"{high:.2f}); the two scores of a planner are {apart:.0f} points apart."
+        f"{len(halves[0])} planners alike: Kendall's tau {found:.2f} (95 % of those with scenes drawn again: {low:.2f} "
+        f"to {high:.2f}); the two scores of a planner are {apart:.0f} points apart."
     ]
 
 
