@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[1]
 SHIPPED = ("nets/", "routes/")
@@ -85,9 +86,10 @@ def asked_for(requirements: Iterable[str]) -> list[Distribution]:
     wanted = [*requirements]
     while wanted:
         requirement = Requirement(wanted.pop())
-        if requirement.name not in found and (requirement.marker is None or requirement.marker.evaluate({"extra": ""})):
-            found[requirement.name] = distribution(requirement.name)
-            wanted += found[requirement.name].requires or ()
+        name = canonicalize_name(requirement.name)  # others may spell it otherwise
+        if name not in found and (requirement.marker is None or requirement.marker.evaluate({"extra": ""})):
+            found[name] = distribution(name)
+            wanted += found[name].requires or ()
     return list(found.values())
 
 

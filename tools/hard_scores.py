@@ -75,7 +75,7 @@ def _driven(run: StoredRun) -> dict[str, dict[str, float]]:
 
 def family_scores(half: Half) -> list[Floats]:
     """Of each family the scores, (P, S)."""
-    return [np.array(scores) for scores in zip(*(of.values() for of in half.values()), strict=True)]
+    return [np.array([of[family] for of in half.values()]) for family in next(iter(half.values()))]
 
 
 def means(families: Sequence[Floats], rng: np.random.Generator | None = None) -> Floats:

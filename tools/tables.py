@@ -265,8 +265,7 @@ def halves(drives: Drives) -> list[str]:
 
 def halves_order(drives: Drives) -> list[str]:
     """Whether both halves rank the planners alike, in a sentence."""
-    halves = both_halves(drives.run)
-    shown, hidden = map(family_scores, halves)
+    shown, hidden = map(family_scores, both_halves(drives.run))
     both = (means(shown), means(hidden))
     rng = np.random.default_rng(0)
     drawn = [tau(means(shown, rng), means(hidden, rng)) for _ in range(DRAWS)]
@@ -275,7 +274,7 @@ def halves_order(drives: Drives) -> list[str]:
     scenes = [sum(scores.shape[1] for scores in families) for families in (shown, hidden)]
     return [
         f"{scenes[0]} scenes that are shipped and {scenes[1]} that are kept back, found with different seeds, rank "
-        f"{len(halves[0])} planners alike: Kendall's tau {found:.2f} (95 % of those with scenes drawn again: {low:.2f} "
+        f"{len(both[0])} planners alike: Kendall's tau {found:.2f} (95 % of those with scenes drawn again: {low:.2f} "
         f"to {high:.2f}); the two scores of a planner are {apart:.0f} points apart."
     ]
 
