@@ -20,6 +20,7 @@ from interplan_sumo.maps.importers.build import build
 from interplan_sumo.world.roads import Roads
 from tests.maps.argoverse_files import lane, line, straight, street, tile, written
 from tests.maps.damaged import assert_sound, refusal, survive
+from tests.quick import few
 from tests.realdata import real
 
 Change = Callable[[dict[str, Any]], Any]
@@ -182,14 +183,7 @@ def imported(path: Path) -> Roads:
     return roads
 
 
-@pytest.mark.parametrize(
-    ("where", "seeds"),
-    [
-        ("street", 50),
-        pytest.param("street", 1000, marks=pytest.mark.nightly),
-        pytest.param("city", 60, marks=pytest.mark.nightly),
-    ],
-)
+@pytest.mark.parametrize(("where", "seeds"), few([("street", 50), ("street", 1000), ("city", 60)], 1))
 def test_damaged_files_are_read_and_then_imported_or_refused_and_nothing_else(
     where: str, seeds: int, tmp_path: Path
 ) -> None:
