@@ -17,10 +17,9 @@ from typing import Final
 import numpy as np
 
 from interplan_sumo.statistics.detection import least_detectable_difference
-from interplan_sumo.statistics.intervals import DRAWS, MeanEstimate, mean_estimate
+from interplan_sumo.statistics.intervals import DIFFERENCES, DRAWS, POINTS, MeanEstimate, mean_estimate
 from interplan_sumo.statistics.scene_values import DriveValue, DriveValues, Floats, differences
 
-POINTS: Final = (0.0, 100.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,14 +81,14 @@ def drive_values(scores: Floats) -> DriveValues:
 
 
 def estimate_of(scores: Floats) -> MeanEstimate:
-    found = mean_estimate(drive_values(scores))
+    found = mean_estimate(drive_values(scores), POINTS)
     assert found is not None
     return found
 
 
 def coverage(suite: MadeUpSuite, repetitions: int, rng: np.random.Generator) -> tuple[float, float]:
     """The share of intervals that hold the truth, and their mean width in points."""
-    bounds = np.array([estimate_of(suite.scores(rng)).interval_within(POINTS) for _ in range(repetitions)])
+    bounds = np.array([estimate_of(suite.scores(rng)).interval for _ in range(repetitions)])
     held = (bounds[:, 0] <= suite.truth + 1e-9) & (bounds[:, 1] >= suite.truth - 1e-9)
     return float(held.mean()), float(np.ptp(bounds, axis=1).mean())
 
@@ -127,7 +126,7 @@ class PairedSuite:
         return drive_values(hard + noise[0]), drive_values(hard + effect + more + noise[1])
 
     def estimate(self, more: float, rng: np.random.Generator) -> MeanEstimate:
-        found = mean_estimate(differences(*self.rows(more, rng)))
+        found = mean_estimate(differences(*self.rows(more, rng)), DIFFERENCES)
         assert found is not None
         return found
 

@@ -31,8 +31,6 @@ class Brief(NamedTuple):
     """Scores by other profiles, 0 to 1."""
     total_s: float | None
     """Wall clock of the whole job."""
-    scoring: int | None
-    """Version of the scoring of a row that was scored again."""
     questions: int | None
     """How often the planner asked a language model; None where it says nothing about that."""
     unanswered: int | None
@@ -84,7 +82,6 @@ class _BriefRow(Struct, kw_only=True):
     done: bool | None = None
     unsafe: bool | None = None
     beside: dict[str, Score] = {}
-    scoring_version: int | None = msgspec.field(name="version", default=None)
     planner_report: ModelUse | None = None
 
 
@@ -103,7 +100,6 @@ def _brief(row: _BriefRow) -> Brief:
         row.unsafe,
         tuple((sys.intern(name), score) for name, score in row.beside.items()),
         row.times_s.total,
-        row.scoring_version,
         None if asked is None else asked.queries,
         None if asked is None else sum(asked.fallbacks.values()),
     )

@@ -29,11 +29,10 @@ from interplan_sumo.batch.run_folder import RunFolder, StoredRun, read_run, slug
 from interplan_sumo.batch.tasks import Outcome, Task
 from interplan_sumo.batch.verified import VerifiedRow, keep_verified
 from interplan_sumo.batch.verify import Verification
-from interplan_sumo.batch.versions import versions
+from interplan_sumo.batch.versions import scored_versions
 from interplan_sumo.errors import InputError, clean_line
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.metrics.profile import find_profile
-from interplan_sumo.metrics.score import SCORING_VERSION
 from interplan_sumo.simulation.traffic import TRAFFIC_VERSION
 from interplan_sumo.world.trace import write_plans
 
@@ -105,7 +104,7 @@ def _driven(
         suite_hash=source.hash,
         profile=profile.name,
         overrides=AppliedOverrides(),
-        versions=versions() | {"scoring": str(SCORING_VERSION)},
+        versions=scored_versions(),
         traffic_version=TRAFFIC_VERSION,
         command=(),
         created=_now(),

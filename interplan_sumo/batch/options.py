@@ -34,6 +34,8 @@ def _about(help: str, **about: Any) -> dict[str, Any]:
     return {"help": help, **about}
 
 
+MOST_MEMORY_GB: Final = 2.0**33
+"""From here on, where numbers of bytes end, there is no limit."""
 DENSITIES: Final = ("low", "medium", "high")
 """That scenes with traffic can be driven in instead of their own."""
 
@@ -175,7 +177,7 @@ class RunOptions:
         return Limits(
             plan_s=self.plan_limit_s or inf,
             task_s=self.job_limit_s or inf,
-            memory_bytes=round(self.memory_gb * 2**30) or None,
+            memory_bytes=round(self.memory_gb * 2**30) or None if self.memory_gb < MOST_MEMORY_GB else None,
         )
 
 

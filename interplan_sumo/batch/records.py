@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Self, TypeVar
 import msgspec
 from msgspec import Meta, Struct, structs
 
+from interplan_sumo.batch.versions import SCORING
 from interplan_sumo.errors import InputError, InterplanError, clean_line, counted
 
 if TYPE_CHECKING:
@@ -290,6 +291,11 @@ class Manifest(Struct, frozen=True, kw_only=True):
     """The part of what was asked for that this folder holds; None for all of it."""
     planners: dict[str, PlannerRecord] = {}
     """The one version of each planner that the folder holds drives of, by the name that it was asked for."""
+
+    @property
+    def scoring_version(self) -> str | None:
+        """Of its scores; None where it does not say."""
+        return self.versions.get(SCORING)
 
     @property
     def keys(self) -> list[JobKey]:

@@ -8,9 +8,8 @@ from typing import Literal, Self
 
 from interplan_sumo.batch.records import DriveAnswer, Fault, MetricRecord, Row
 from interplan_sumo.batch.trace_difference import TraceDifference
-from interplan_sumo.batch.versions import versions
+from interplan_sumo.batch.versions import scored_versions
 from interplan_sumo.errors import InputError, clean_line
-from interplan_sumo.metrics.score import SCORING_VERSION
 from interplan_sumo.planner_source import PlannerSource
 
 SCORE_BAR = 1e-6
@@ -61,7 +60,7 @@ class RowCheck:
     @property
     def changed_versions(self) -> dict[str, tuple[str, str]]:
         """What has another version now than when the row was driven: name -> (then, now); planners by their hash."""
-        then, now = dict(self.row.versions), versions() | {"scoring": str(SCORING_VERSION)}
+        then, now = dict(self.row.versions), scored_versions()
         if self.of_planner and self.row.planner_hash is not None:
             then["planner"], now["planner"] = self.row.planner_hash[:12], _planner_hash(self.row.planner)[:12]
         return {

@@ -22,11 +22,10 @@ from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.records import JobKey, Manifest, PlannerRecord, RequestedJobs, Row, Shard
 from interplan_sumo.batch.run_folder import RunFolder, StoredRun, read_run
 from interplan_sumo.batch.tasks import Outcome, Task
-from interplan_sumo.batch.versions import versions
+from interplan_sumo.batch.versions import scored_versions
 from interplan_sumo.errors import InputError, UnknownNameError, clean_line, counted
 from interplan_sumo.maps.store import find_map, load_roads
 from interplan_sumo.metrics.profile import DEFAULT_PROFILE, find_profile
-from interplan_sumo.metrics.score import SCORING_VERSION
 from interplan_sumo.planner import RECOMMENDED, Planner, find_planner
 from interplan_sumo.planner_process.process import PlannerProcess
 from interplan_sumo.planner_source import PlannerSource
@@ -125,7 +124,7 @@ def _planned(options: RunOptions, made: Mapping[str, Callable[[], Planner]], com
         suite_hash=source.hash,
         profile=profile.name,
         overrides=options.overrides.canonical(),
-        versions=versions() | {"scoring": str(SCORING_VERSION)},
+        versions=scored_versions(),
         traffic_version=TRAFFIC_VERSION,
         command=tuple(clean_line(word) for word in command),
         created=time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),

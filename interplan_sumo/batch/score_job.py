@@ -14,8 +14,10 @@ from interplan_sumo.batch.run import RunProgress
 from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.batch.stored_drive import StoredDrives
 from interplan_sumo.batch.tasks import Answer, Limits, Publish, Task, Work
+from interplan_sumo.batch.versions import SCORING
 from interplan_sumo.errors import InputError
 from interplan_sumo.metrics.profile import Profile, find_profile
+from interplan_sumo.metrics.score import SCORING_VERSION
 
 GROUP = "score"
 FEW = 40
@@ -57,8 +59,9 @@ def rescore(
         if watch is not None:
             watch.finished(structs.replace(found[row.key], times_s={}))  # those are of the drive
     rows = {key: found[key] for key in run.rows if key in found}
-    scored = StoredRun(run.path, structs.replace(run.manifest, profile=used.name), rows)
-    return scored, [problems[key] for key in run.rows if key in problems]
+    versions = run.manifest.versions | {SCORING: str(SCORING_VERSION)}
+    manifest = structs.replace(run.manifest, profile=used.name, versions=versions)
+    return StoredRun(run.path, manifest, rows), [problems[key] for key in run.rows if key in problems]
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import platform
 from importlib.metadata import PackageNotFoundError, version
+from typing import Final
 
 from interplan_sumo import __version__
 
 LIBRARIES = {"sumo": "libsumo", "numpy": "numpy", "scipy": "scipy", "shapely": "shapely", "pyarrow": "pyarrow"}
 """Name in manifests -> distribution."""
+SCORING: Final = "scoring"
+"""Name in manifests of the version of the scoring."""
 
 
 def versions() -> dict[str, str]:
@@ -20,3 +23,10 @@ def versions() -> dict[str, str]:
         except PackageNotFoundError:
             found[name] = "missing"
     return found
+
+
+def scored_versions() -> dict[str, str]:
+    """These, and the version of the scoring: what a row depends on."""
+    from interplan_sumo.metrics.score import SCORING_VERSION
+
+    return versions() | {SCORING: str(SCORING_VERSION)}

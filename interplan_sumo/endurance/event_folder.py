@@ -25,12 +25,12 @@ from interplan_sumo.batch.records import (
     encode,
 )
 from interplan_sumo.batch.run_folder import RunFolder, trace_place
-from interplan_sumo.batch.versions import versions
+from interplan_sumo.batch.versions import scored_versions
 from interplan_sumo.endurance.records import EventKind
 from interplan_sumo.errors import RunFolderError
 from interplan_sumo.maps.store import MapFiles, is_shipped, load_roads
 from interplan_sumo.metrics.profile import DEFAULT_PROFILE, Profile
-from interplan_sumo.metrics.score import SCORING_VERSION, score
+from interplan_sumo.metrics.score import score
 from interplan_sumo.scenario.files import read_scenario, scenario_text
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.simulation.traffic import TRAFFIC_VERSION
@@ -121,7 +121,7 @@ def _manifest(planners: Mapping[str, PlannerRecord], requests: tuple[RequestedJo
         suite_hash="",
         profile=DEFAULT_PROFILE,
         overrides=AppliedOverrides(),
-        versions=versions() | {"scoring": str(SCORING_VERSION)},
+        versions=scored_versions(),
         traffic_version=TRAFFIC_VERSION,
         command=(),
         created=time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),

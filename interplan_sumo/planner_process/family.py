@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
@@ -16,25 +16,30 @@ _ROUNDS = 20
 class _Relation(NamedTuple):
     parent: int
     session: int
+    began: int
+    """Ticks after the machine did: with its number it is the process's own, numbers alone come again."""
 
 
-def descendants(pid: int, *, session: int | None = None) -> list[int]:
-    """Who descends from a process, or belongs to a session; nobody where there is no /proc."""
+def descendants(pid: int, *, session: int | None = None) -> dict[int, int]:
+    """Who descends from a process, or belongs to a session, and when each began; nobody where there is no /proc."""
     relations = dict(_processes())
     found = {each for each, relation in relations.items() if relation.session == session} if session else set[int]()
     wave = {pid, *found}
     while wave:
         wave = {each for each, relation in relations.items() if relation.parent in wave} - found - {pid}
         found |= wave
-    return sorted(found - {pid})
+    return {each: relations[each].began for each in sorted(found - {pid})}
 
 
-def kill_family(pid: int, *, session: int | None = None, known: Iterable[int] = ()) -> None:
+def kill_family(pid: int, *, session: int | None = None, known: Mapping[int, int] | None = None) -> None:
     """Kill a process that was not waited for yet, its group, all its descendants and whoever else is of the session.
 
-    `known` are descendants of a moment ago, which nobody may know for its own since it has ended.
+    `known` are its `descendants` of a moment ago, which nobody may know for its own since it has ended. Who has ended
+    since, and whose number is somebody else's now, is left alone.
     """
-    _kill(known)
+    if known:
+        now = {each: relation.began for each, relation in _processes()}
+        _kill(each for each, began in known.items() if now.get(each) == began)
     for _ in range(_ROUNDS):
         family = descendants(pid, session=session)
         if hasattr(os, "killpg"):
@@ -43,16 +48,6 @@ def kill_family(pid: int, *, session: int | None = None, known: Iterable[int] = 
         _kill((pid, *family))
         if not family:
             return
-        _reap(family)
-
-
-def kill_descendants() -> None:
-    """Kill whatever this process has started, and what that has started."""
-    for _ in range(_ROUNDS):
-        family = descendants(os.getpid())
-        if not family:
-            return
-        _kill(family)
         _reap(family)
 
 
@@ -74,7 +69,7 @@ def _processes() -> Iterable[tuple[int, _Relation]]:
         for place in Path("/proc").iterdir():
             if place.name.isdecimal():
                 with suppress(OSError, ValueError, IndexError):
-                    # pid (name) state parent group session ...; a name may hold blanks and brackets
-                    state, parent, _, session = (place / "stat").read_bytes().rpartition(b")")[2].split()[:4]
-                    if state not in (b"Z", b"X"):
-                        yield int(place.name), _Relation(int(parent), int(session))
+                    # pid (name) state parent group session ... began ...; a name may hold blanks and brackets
+                    told = (place / "stat").read_bytes().rpartition(b")")[2].split()
+                    if told[0] not in (b"Z", b"X"):
+                        yield int(place.name), _Relation(*(int(told[field]) for field in (1, 3, 19)))

@@ -11,7 +11,7 @@ import subprocess
 import sys
 import time
 import weakref
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -69,7 +69,7 @@ class PlannerProcess(PlannerSeat):
         self._name, self._limits = name, limits or PlannerLimits()
         self._maps: list[Roads | None] = [None] * MOST_MAPS
         self._next_map = 0
-        self._told_past = False
+        self._told_past = self._told_time = False
         self._ended = False
         self.killed_from_outside = False
         """Whether somebody else ended it, an operator or the system: nobody knows how the drive would have gone on."""
@@ -139,14 +139,18 @@ class PlannerProcess(PlannerSeat):
         self._told_past = False
 
     def plan(self, observation: Observation) -> TimedPlan:
-        return self.plan_while(observation, lambda: None)
+        return self._planned(observation)
 
     def plan_while(self, observation: Observation, meanwhile: Callable[[], object]) -> TimedPlan:
+        # whoever does not tell its time has it taken by our clock, which must not count what else is done
+        return self._planned(observation, meanwhile) if self._told_time else super().plan_while(observation, meanwhile)
+
+    def _planned(self, observation: Observation, meanwhile: Callable[[], object] | None = None) -> TimedPlan:
         asked_s = time.perf_counter()
         request = plan_request(observation, self._form.pack, with_past=not self._told_past)
         reply = self._ask("plan()", request, self._form.plan, MOST_PLAN_BYTES, meanwhile=meanwhile)
         took_s = time.perf_counter() - asked_s
-        self._told_past = True
+        self._told_past, self._told_time = True, reply.wall_s is not None
         try:
             plan = trajectory(reply)
         except ValueError as error:
@@ -258,7 +262,7 @@ def _finish(process: subprocess.Popen[bytes], channel: PlannerChannel) -> None:
     _kill(process, channel, family)
 
 
-def _kill(process: subprocess.Popen[bytes], channel: PlannerChannel, known: Sequence[int] = ()) -> None:
+def _kill(process: subprocess.Popen[bytes], channel: PlannerChannel, known: Mapping[int, int] | None = None) -> None:
     kill_family(process.pid, known=known)
     process.wait()
     channel.close()

@@ -15,9 +15,8 @@ from interplan_sumo.batch.stored_drive import StoredDrives
 from interplan_sumo.errors import counted
 from interplan_sumo.report.failure_reasons import lost_points
 from interplan_sumo.report.standing_formats import BRACKETS
-from interplan_sumo.report.table import POINTS
 from interplan_sumo.report.text import figure, grid, rounded
-from interplan_sumo.statistics.intervals import mean_interval
+from interplan_sumo.statistics.intervals import POINTS, mean_interval
 from interplan_sumo.statistics.scene_values import DriveValue, mean_over_scenes
 from interplan_sumo.verification.audit import DEFECTS, AuditFinding, classes, finding
 

@@ -12,7 +12,7 @@ from interplan_sumo.errors import InputError, RunFolderError, UnknownNameError
 from interplan_sumo.report.failure_reasons import fault_sentence, metric_sentence
 from interplan_sumo.report.table import planner_label, unsafe_share
 from interplan_sumo.statistics.detection import SIGNIFICANCE, holm, least_detectable_difference
-from interplan_sumo.statistics.intervals import Range, mean_estimate
+from interplan_sumo.statistics.intervals import DIFFERENCES, Range, mean_estimate
 from interplan_sumo.statistics.scene_values import DriveKey, DriveValue, DriveValues, mean_over_scenes
 
 TIE = 1e-6
@@ -22,6 +22,7 @@ WAY_OUT = {
     "suite_hash": "the suite has changed in between: drive both with one version",
     "traffic_version": "the traffic drives otherwise since: drive both with one version",
     "profile": "--profile NAME scores both again",
+    "scoring_version": "--profile NAME scores both again",
 }
 """What must be the same in both manifests, and what to do where it is not."""
 
@@ -147,8 +148,8 @@ def compare_runs(
     """Every planner that both runs hold in the second against itself in the first, or those that are named.
 
     The one planner of a run need not be named, nor one that the other side
-    names. RunFolderError if the runs differ in suite, profile or scoring
-    version; InputError if it is not clear who is meant.
+    names. RunFolderError if the runs differ in suite, profile, or the version
+    of traffic or scoring; InputError if it is not clear who is meant.
     """
     _check_agree(run_a, run_b)
     named = _planner_pairs(run_a, run_b, planner_a, planner_b)
@@ -186,12 +187,6 @@ def _planner_pairs(
 def _compare(run_a: StoredRun, run_b: StoredRun, planner_a: str, planner_b: str) -> Comparison:
     """One planner against one, on all drives that either was to do."""
     drives_a, drives_b = _drives(run_a, planner_a), _drives(run_b, planner_b)
-    versions = {drive.scoring for drive in (*drives_a.values(), *drives_b.values()) if drive and drive.scoring}
-    if len(versions) > 1:
-        raise RunFolderError(
-            f"{run_a.path} and {run_b.path} hold scores of different scoring versions ({sorted(versions)}); "
-            "--profile NAME scores both again"
-        )
     changes = [
         _change(run_a, run_b, (key[0], planner_a, key[1]), (key[0], planner_b, key[1]), drive_a, drive_b)
         for key, drive_a in drives_a.items()
@@ -268,7 +263,7 @@ def _group(changes: Sequence[ScoreChange]) -> GroupComparison:
         return {(c.scenario_id, c.seed): DriveValue(c.family, 100.0 * value) for c, value in values}
 
     winners = [change.winner for change in changes]
-    estimate, unsafe = mean_estimate(points("difference")), mean_estimate(points("unsafe_difference"))
+    estimate, unsafe = (mean_estimate(points(name), DIFFERENCES) for name in ("difference", "unsafe_difference"))
     return GroupComparison(
         scenarios=len({change.scenario_id for change in changes}),
         drives=len(changes),

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from statistics import median
 
 from interplan_sumo.statistics.detection import Contrast, RowPair, contrasts, least_detectable_difference, row_pairs
-from interplan_sumo.statistics.intervals import MeanEstimate, mean_estimate, unpaired_difference
+from interplan_sumo.statistics.intervals import POINTS, MeanEstimate, mean_estimate, unpaired_difference
 from interplan_sumo.statistics.scene_values import DriveValues, mean_over_scenes
 
 LineValues = Mapping[str, DriveValues]
@@ -73,7 +73,7 @@ def standing(totals: Sequence[str], lines: Sequence[LineValues]) -> Standing:
 def _detectable(pairs: Sequence[RowPair], rows: Sequence[DriveValues]) -> DetectableDifference | None:
     estimates: list[MeanEstimate] = [pair.estimate for pair in pairs]
     if not pairs:
-        estimates = [unpaired_difference(one, one) for row in rows if (one := mean_estimate(row))]
+        estimates = [unpaired_difference(one, one) for row in rows if (one := mean_estimate(row, POINTS))]
     found = [least for estimate in estimates if (least := least_detectable_difference(estimate)) is not None]
     if not found:
         return None

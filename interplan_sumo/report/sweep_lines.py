@@ -16,7 +16,7 @@ from interplan_sumo.batch.sweep import Parameter, Result
 from interplan_sumo.batch.tracks import PLAIN, TRACK
 from interplan_sumo.families import find_family
 from interplan_sumo.report.failure_reasons import fault_sentence
-from interplan_sumo.statistics.intervals import Range, mean_interval
+from interplan_sumo.statistics.intervals import DIFFERENCES, Range, mean_interval
 from interplan_sumo.statistics.scene_values import (
     DriveKey,
     DriveValue,
@@ -191,7 +191,7 @@ def reference_setting(lines: Sequence[SweepLine]) -> Mapping[str, str]:
 def _change(before: DriveValues, after: DriveValues) -> Change | None:
     paired = differences(before, after)
     value = mean_over_scenes(paired)
-    return None if value is None else Change(value, mean_interval(paired, (-100.0, 100.0)))
+    return None if value is None else Change(value, mean_interval(paired, DIFFERENCES))
 
 
 def _line(result: Result, planner: str) -> SweepLine:

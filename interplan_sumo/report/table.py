@@ -16,15 +16,13 @@ from interplan_sumo.errors import RunFolderError
 from interplan_sumo.families import families, find_family
 from interplan_sumo.report.driven import DrivenRun, family_of, together
 from interplan_sumo.report.standing import LineValues, Standing, standing
-from interplan_sumo.statistics.intervals import mean_interval
+from interplan_sumo.statistics.intervals import POINTS, mean_interval
 from interplan_sumo.statistics.scene_values import DriveKey, DriveValue, DriveValues, mean_over_scenes
 
 ORDINARY: Final = "ordinary"
 PAPER_PROFILE: Final = "interplan-paper"
 BENCHMARK: Final = "interplan"
 """Keys of the columns over all ordinary driving, and over all the rest."""
-POINTS: Final = (0.0, 100.0)
-"""All figures of the table lie between."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -224,7 +222,7 @@ def make_table(runs: Sequence[StoredRun]) -> ResultsTable:
 
     Runs of ordinary driving may stand beside runs of one other suite: a planner
     that has one run of each has one line. RunFolderError if the runs are of
-    different suites otherwise, or of different profiles, or if one asks for no drive.
+    different suites otherwise, of different profiles or versions, or if one asks for no drive.
     """
     driven = together(runs)
     for each in driven:
@@ -232,7 +230,7 @@ def make_table(runs: Sequence[StoredRun]) -> ResultsTable:
             raise RunFolderError(f"{each.run.path} asks for no drive ({each.run.manifest.part}); leave it out")
     ordinary = [each.run for each in driven if each.ordinary]
     others = [each.run for each in driven if not each.ordinary]
-    _check_agree(runs, "profile", "traffic_version")
+    _check_agree(runs, "profile", "traffic_version", "scoring_version")
     for group in (others, ordinary):
         _check_agree(group, "suite", "suite_hash")
     first = (others or ordinary)[0].manifest
@@ -250,7 +248,7 @@ def _check_agree(runs: Sequence[StoredRun], *shared: str) -> None:
             held, other = (getattr(each.manifest, what) for each in (run, runs[0]))
             if held != other:
                 raise RunFolderError(
-                    f"{run.path} has {what} {held}, {runs[0].path} has {other}; report them separately"
+                    f"{run.path} has {what.replace('_', ' ')} {held}, {runs[0].path} has {other}; report them separately"
                 )
 
 

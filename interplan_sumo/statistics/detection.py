@@ -9,7 +9,13 @@ from typing import Final
 
 import numpy as np
 
-from interplan_sumo.statistics.intervals import MeanEstimate, mean_estimate, unpaired_difference
+from interplan_sumo.statistics.intervals import (
+    DIFFERENCES,
+    POINTS,
+    MeanEstimate,
+    mean_estimate,
+    unpaired_difference,
+)
 from interplan_sumo.statistics.scene_values import DriveValues, differences
 
 SIGNIFICANCE: Final = 0.05
@@ -41,12 +47,12 @@ class Contrast:
 
 
 def row_pairs(rows: Sequence[DriveValues]) -> list[RowPair]:
-    """All pairs of rows that can be compared, those that share a drive on the drives that they share."""
-    alone = [mean_estimate(row) for row in rows]
+    """All pairs of rows of points that can be compared, those that share a drive on the drives that they share."""
+    alone = [mean_estimate(row, POINTS) for row in rows]
     pairs: list[RowPair] = []
     for a, b in combinations(range(len(rows)), 2):
         shared = differences(rows[a], rows[b])
-        found = mean_estimate(shared) if shared else _unpaired(alone[a], alone[b])
+        found = mean_estimate(shared, DIFFERENCES) if shared else _unpaired(alone[a], alone[b])
         if found is not None:
             pairs.append(RowPair(a, b, found, bool(shared)))
     return pairs

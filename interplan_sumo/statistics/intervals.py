@@ -29,7 +29,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from math import isfinite, sqrt
+from math import inf, isfinite, sqrt
 from typing import Final
 
 import numpy as np
@@ -49,6 +49,10 @@ FEW_DRAWS: Final = 10
 
 Range = tuple[float, float]
 """A least and a greatest value."""
+POINTS: Final[Range] = (0.0, 100.0)
+"""Between which all scores and shares of a table lie."""
+DIFFERENCES: Final[Range] = (-100.0, 100.0)
+"""And their differences."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +66,8 @@ class MeanEstimate:
     degrees_of_freedom: float
     ends: Range
     """Least and greatest mean of a scene."""
+    limits: Range
+    """What figures of scenes lie between; infinite where nobody knows."""
     draw: Callable[[], Floats]
     """The (2000,) bootstrap means in no order, not yet moved by Student's quantiles; drawn when they are asked for."""
 
@@ -76,14 +82,7 @@ class MeanEstimate:
 
     @property
     def interval(self) -> Range:
-        """95 % of the moved draws lie between."""
-        if self.standard_error == 0.0:
-            return self.value, self.value
-        beyond = round(DRAWS * (1.0 - CONFIDENCE) / 2.0)
-        return float(self.moved[beyond - 1]), float(self.moved[-beyond])
-
-    def interval_within(self, limits: Range) -> Range:
-        """The interval of a mean of figures that lie within these limits.
+        """95 % of the moved draws lie between, as far as the limits go.
 
         Where all scenes of each family are equal there is nothing to draw. What
         is known then is that not too large a share of such scenes is another:
@@ -92,35 +91,49 @@ class MeanEstimate:
         26, 1934; 0.69 for ten scenes, 0.955 for eighty). The rest may have any
         value within the limits; towards an infinite one nothing can be said.
         """
-        (least, greatest), (low, high) = limits, self.interval
+        least, greatest = self.limits
         if self.standard_error == 0.0:
             others = 1.0 - ((1.0 - CONFIDENCE) / 2.0) ** (1.0 / self.scenes)
-            low -= others * (self.ends[1] - least) if isfinite(least) else 0.0
-            high += others * (greatest - self.ends[0]) if isfinite(greatest) else 0.0
+            low = self.value - (others * (self.ends[1] - least) if isfinite(least) else 0.0)
+            high = self.value + (others * (greatest - self.ends[0]) if isfinite(greatest) else 0.0)
+        else:
+            beyond = round(DRAWS * (1.0 - CONFIDENCE) / 2.0)
+            low, high = float(self.moved[beyond - 1]), float(self.moved[-beyond])
         return max(low, least), min(high, greatest)
 
     @cached_property
     def p_value(self) -> float:
         """Of a true mean of 0, two-sided: twice the share of moved draws that are 0 or on its other side.
 
-        Below 0.05 if and only if the interval leaves out 0; but never below
-        2^(1 - scenes), which is what a sign test can reach: fewer than six
-        scenes prove nothing, however equal they are.
+        Where nothing varies, twice the chance to see no other scene if there are
+        as many as it takes to make the mean 0. Below 0.05 only if the interval leaves
+        out 0; but never below 2^(1 - scenes), which is what a sign test can reach:
+        fewer than six scenes prove nothing, however equal they are.
         """
-        from scipy.special import stdtr
-
         if abs(self.value) <= SAME:
             return 1.0
-        beyond = int(np.sum(self.moved <= 0.0 if self.value > 0.0 else self.moved >= 0.0))
-        share = beyond / DRAWS
-        if beyond < FEW_DRAWS:
-            far = abs(self.value) / self.standard_error if self.standard_error else np.inf
-            share = min(FEW_DRAWS / DRAWS, float(stdtr(self.degrees_of_freedom, -far)))
+        share = self._share_unseen() if self.standard_error == 0.0 else self._share_beyond()
         return min(1.0, max(2.0 * share, 2.0 ** (1 - min(self.scenes, 1000))))
 
+    def _share_unseen(self) -> float:
+        farthest = self.ends[1] - self.limits[0] if self.value > 0.0 else self.limits[1] - self.ends[0]
+        return (1.0 - abs(self.value) / farthest) ** self.scenes if isfinite(farthest) else 0.0
 
-def mean_estimate(drives: DriveValues) -> MeanEstimate | None:
-    """The mean over scenes; None with fewer than two, which say nothing about scenes like them."""
+    def _share_beyond(self) -> float:
+        from scipy.special import stdtr
+
+        beyond = int(np.sum(self.moved <= 0.0 if self.value > 0.0 else self.moved >= 0.0))
+        if beyond >= FEW_DRAWS:
+            return beyond / DRAWS
+        far = abs(self.value) / self.standard_error
+        return min(FEW_DRAWS / DRAWS, float(stdtr(self.degrees_of_freedom, -far)))
+
+
+def mean_estimate(drives: DriveValues, limits: Range = (-inf, inf)) -> MeanEstimate | None:
+    """The mean over scenes, of figures that lie within these limits.
+
+    None with fewer than two scenes, which say nothing about scenes like them.
+    """
     samples = family_samples(drives)
     count = sum(map(len, samples))
     if count < 2:
@@ -133,14 +146,15 @@ def mean_estimate(drives: DriveValues) -> MeanEstimate | None:
         standard_error=sqrt(variances.sum()),
         degrees_of_freedom=_degrees_of_freedom(variances, [len(values) - 1 for values in samples]),
         ends=(float(min(values[0] for values in samples)), float(max(values[-1] for values in samples))),
+        limits=limits,
         draw=partial(_drawn_means, shares, samples),
     )
 
 
 def mean_interval(drives: DriveValues, limits: Range) -> Range | None:
     """That of the mean over scenes, of figures that lie within these limits; None with fewer than two scenes."""
-    estimate = mean_estimate(drives)
-    return None if estimate is None else estimate.interval_within(limits)
+    estimate = mean_estimate(drives, limits)
+    return None if estimate is None else estimate.interval
 
 
 def unpaired_difference(a: MeanEstimate, b: MeanEstimate) -> MeanEstimate:
@@ -152,6 +166,7 @@ def unpaired_difference(a: MeanEstimate, b: MeanEstimate) -> MeanEstimate:
         standard_error=sqrt(variances.sum()),
         degrees_of_freedom=_degrees_of_freedom(variances, [a.degrees_of_freedom, b.degrees_of_freedom]),
         ends=(b.ends[0] - a.ends[1], b.ends[1] - a.ends[0]),
+        limits=(b.limits[0] - a.limits[1], b.limits[1] - a.limits[0]),
         # as they come, draws of scenes of equal number would go hand in hand
         draw=lambda: np.random.default_rng(SEED + 1).permutation(b.draw()) - a.draw(),
     )

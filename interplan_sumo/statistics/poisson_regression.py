@@ -60,6 +60,9 @@ def poisson_regression(x: Floats, counts: Floats, exposure: Floats, clusters: Se
         raise InputError("a regression needs segments from two starts at least")
     if not counts.sum() > 0.0 or not exposure.sum() > 0.0:
         raise InputError("a regression needs events")
+    if np.linalg.matrix_rank(x[exposure > 0.0]) < x.shape[1]:
+        raise InputError("a regression cannot tell apart what it is given: covariates go together")
+    endless = InputError("a regression has no finite answer: something has no events at all")
     b = np.zeros(x.shape[1])
     b[0] = np.log(counts.sum() / exposure.sum())
     likelihood = -np.inf
@@ -67,7 +70,7 @@ def poisson_regression(x: Floats, counts: Floats, exposure: Floats, clusters: Se
         mean = exposure * np.exp(x @ b)
         information = x.T @ (x * mean[:, None])
         if np.linalg.cond(information) > 1e12:
-            raise InputError("a regression cannot tell apart what it is given: covariates go together")
+            raise endless
         step = np.linalg.solve(information, x.T @ (counts - mean))
         while True:
             tried = float(counts @ (x @ (b + step)) - np.sum(exposure * np.exp(np.minimum(x @ (b + step), 500.0))))
@@ -78,7 +81,7 @@ def poisson_regression(x: Floats, counts: Floats, exposure: Floats, clusters: Se
         if np.abs(step).max() < 1e-9:
             break
     else:
-        raise InputError("a regression has no finite answer: something has no events at all")
+        raise endless
     mean = exposure * np.exp(x @ b)
     inverse: Floats = np.asarray(np.linalg.inv(x.T @ (x * mean[:, None])), dtype=np.float64)
     scores = np.zeros((len(names), x.shape[1]))

@@ -6,6 +6,7 @@ name of this machine (DNS rebinding), or from another page, is refused. What it 
 
 from __future__ import annotations
 
+import re
 import secrets
 import threading
 import time
@@ -28,6 +29,7 @@ SILENCE_S: Final = 1.0
 """After so long without an event a stream says that it is there; so a page that was closed is noticed."""
 PATIENCE_S: Final = 20.0
 """For whoever says nothing, or reads nothing."""
+_REPLAY: Final = re.compile(r"replay/([0-9]{1,6})")
 HEADERS: Final = {
     "Cache-Control": "no-store",
     "Cross-Origin-Resource-Policy": "same-origin",
@@ -112,9 +114,9 @@ class _Handler(BaseHTTPRequestHandler):
             self._answer(self.server.page, "text/html; charset=utf-8")
         elif place == "events":
             self._stream()
-        elif place is not None and place.startswith("replay/") and place[7:].isascii() and place[7:].isdigit():
+        elif place is not None and (asked := _REPLAY.fullmatch(place)) is not None:
             try:
-                self._answer(self.server.replay(int(place[7:10])), "text/html; charset=utf-8")
+                self._answer(self.server.replay(int(asked[1])), "text/html; charset=utf-8")
             except InterplanError as error:
                 self._refuse(HTTPStatus.NOT_FOUND, str(error))
         elif place is not None:

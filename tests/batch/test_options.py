@@ -61,6 +61,11 @@ def test_the_edge_of_what_may_be_is_taken(edge: dict[str, Any]) -> None:
     assert RunOptions(**edge).seeds >= 1
 
 
+@pytest.mark.parametrize(("memory_gb", "bytes"), [(0.0, None), ("inf", None), (1e300, None), (0.5, 2**29)])
+def test_no_memory_is_too_much(memory_gb: Any, bytes: int | None) -> None:
+    assert RunOptions(memory_gb=memory_gb).limits.memory_bytes == bytes
+
+
 def test_perceptions_that_mean_the_same_are_one() -> None:
     assert RunOptions(perception="late+occluded").overrides == RunOptions(perception="occluded+late").overrides
 

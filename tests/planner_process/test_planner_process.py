@@ -105,13 +105,24 @@ def test_time_that_two_spend_at_once_makes_no_part_of_a_drive_negative() -> None
     assert min(episode.times_s.values()) >= 0.0
 
 
+@pytest.mark.parametrize("planner", [PYTHON, "straight_ahead"], ids=["told by nobody", "told by itself"])
+def test_what_is_done_while_it_thinks_is_not_counted_as_its_time(planner: str) -> None:
+    with PlannerProcess.of(planner) as seat:
+        world = check_worlds()[0]
+        seat.start(world.mission)
+        seen = world.observation(world.ego, [])
+        took_s = [seat.plan_while(seen, lambda: time.sleep(0.5)).wall_s for _ in range(2)]
+    assert max(took_s) < 0.4
+
+
 def test_what_fails_while_it_thinks_is_not_its_fault_and_its_answer_is_not_waited_for() -> None:
     def fail() -> None:
         raise TrafficError("SUMO gave up")
 
-    with PlannerProcess.of(PYTHON) as seat:
+    with PlannerProcess.of("straight_ahead") as seat:
         world = check_worlds()[0]
         seat.start(world.mission)
+        seat.plan(world.observation(world.ego, []))
         with pytest.raises(TrafficError):
             seat.plan_while(world.observation(world.ego, []), fail)
         assert seat.has_ended

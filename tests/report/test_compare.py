@@ -164,17 +164,21 @@ def test_drives_without_a_score_on_one_side_are_named_and_left_out():
         ("suite_hash", "2", "the suite has changed in between"),
         ("traffic_version", 3, "the traffic drives otherwise since"),
         ("profile", "nuplan", "--profile NAME scores both again"),
+        ("versions", {"scoring": "2"}, "runs/after has 2; --profile NAME scores both again"),
     ],
 )
-def test_different_suites_and_profiles_are_refused(what: str, value: object, words: str):
+def test_different_suites_profiles_and_versions_are_refused(what: str, value: object, words: str):
     with pytest.raises(RunFolderError, match=words):
         compare(before(), replace(after(), manifest=structs.replace(after().manifest, **{what: value})))
 
 
-def test_different_scoring_versions_are_refused():
-    a, b = (stored(drive("nudge/0", 0.5, scoring_version=version)) for version in (1, 2))
-    with pytest.raises(RunFolderError, match="different scoring versions"):
-        compare(a, b)
+def test_equal_differences_leave_room_for_scenes_that_differ_otherwise():
+    a, b = ([drive(f"nudge/{n}", score, unsafe=False) for n in range(10)] for score in (0.5, 0.6))
+    found = compare(stored(*a), stored(*b)).overall
+    assert found.interval == pytest.approx((10.0 - 0.3085 * 110.0, 10.0 + 0.3085 * 90.0), abs=0.1)
+    assert found.unsafe_interval == pytest.approx((-30.85, 30.85), abs=0.1)
+    assert found.p_value is not None
+    assert found.p_value > 0.05
 
 
 def test_a_planner_is_named_where_it_is_not_clear_which():

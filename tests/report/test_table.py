@@ -139,7 +139,7 @@ def test_official_and_overridden_rows_are_never_mixed() -> None:
 
 @pytest.mark.parametrize("what", ["suite", "suite_hash", "profile", "traffic_version"])
 def test_runs_that_cannot_be_compared_are_refused(what: str) -> None:
-    with pytest.raises(RunFolderError, match=f"runs/b has {what} other"):
+    with pytest.raises(RunFolderError, match=f"runs/b has {what.replace('_', ' ')} other"):
         make_table([stored(drive("nudge/0", 1.0)), stored(drive("nudge/0", 1.0), path="runs/b", **{what: "other"})])  # type: ignore[arg-type]
 
 
@@ -212,10 +212,12 @@ def test_what_is_missing_of_ordinary_driving_leaves_the_total_as_it_is() -> None
 
 def test_runs_of_ordinary_driving_must_agree_as_others_must() -> None:
     runs = [stored(drive("nudge/0", 1.0)), ordinary(drive("changing_lane/0", 0.9))]
-    with pytest.raises(RunFolderError, match="runs/p has suite_hash 3, runs/o has 2"):
+    with pytest.raises(RunFolderError, match="runs/p has suite hash 3, runs/o has 2"):
         make_table([*runs, ordinary(drive("changing_lane/0", 0.9), path="runs/p", suite_hash="3")])
     with pytest.raises(RunFolderError, match="has profile nuplan"):
         make_table([runs[0], ordinary(drive("changing_lane/0", 0.9), profile="nuplan")])
+    with pytest.raises(RunFolderError, match="has scoring version 2, runs/a has None; report them separately"):
+        make_table([runs[0], ordinary(drive("changing_lane/0", 0.9), versions={"scoring": "2"})])
 
 
 def test_done_unsafe_and_the_papers_score_stand_where_they_are_judged() -> None:

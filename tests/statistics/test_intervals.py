@@ -7,10 +7,20 @@ from math import inf
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from benchmarks.interval_coverage import PAIRS, SUITES, MadeUpSuite, PairedSuite, coverage, detection
 from interplan_sumo.statistics import intervals
-from interplan_sumo.statistics.intervals import MeanEstimate, mean_estimate, mean_interval, unpaired_difference
+from interplan_sumo.statistics.intervals import (
+    DIFFERENCES,
+    POINTS,
+    MeanEstimate,
+    Range,
+    mean_estimate,
+    mean_interval,
+    unpaired_difference,
+)
 from interplan_sumo.statistics.scene_values import (
     DriveValue,
     DriveValues,
@@ -20,7 +30,6 @@ from interplan_sumo.statistics.scene_values import (
 )
 from tests.quick import few
 
-POINTS = (0.0, 100.0)
 
 
 def drives(*families: Sequence[float]) -> DriveValues:
@@ -32,8 +41,8 @@ def drives(*families: Sequence[float]) -> DriveValues:
     }
 
 
-def estimate(*families: Sequence[float]) -> MeanEstimate:
-    found = mean_estimate(drives(*families))
+def estimate(*families: Sequence[float], limits: Range = (-inf, inf)) -> MeanEstimate:
+    found = mean_estimate(drives(*families), limits)
     assert found is not None
     return found
 
@@ -119,17 +128,17 @@ def test_families_of_one_scene_are_taken_together() -> None:
 def test_an_interval_stays_within_what_a_figure_can_be() -> None:
     assert mean_interval(drives([50.0]), POINTS) is None
     assert mean_interval(drives([0.0, 100.0]), POINTS) == POINTS
-    low, high = estimate([100.0] * 9 + [50.0]).interval_within(POINTS)
+    low, high = estimate([100.0] * 9 + [50.0], limits=POINTS).interval
     assert 70.0 < low < 95.0 < high <= 100.0
 
 
 @pytest.mark.parametrize(("scenes", "low"), [(10, 69.15), (80, 95.49)])
 def test_equal_scenes_leave_room_for_what_was_not_seen(scenes: int, low: float) -> None:
-    assert estimate([100.0] * scenes).interval_within(POINTS) == pytest.approx((low, 100.0), abs=0.01)
-    assert estimate([0.0] * scenes).interval_within(POINTS) == pytest.approx((0.0, 100.0 - low), abs=0.01)
-    two = estimate([100.0] * (scenes // 2), [40.0] * (scenes // 2)).interval_within(POINTS)
+    assert estimate([100.0] * scenes, limits=POINTS).interval == pytest.approx((low, 100.0), abs=0.01)
+    assert estimate([0.0] * scenes, limits=POINTS).interval == pytest.approx((0.0, 100.0 - low), abs=0.01)
+    two = estimate([100.0] * (scenes // 2), [40.0] * (scenes // 2), limits=POINTS).interval
     assert two == pytest.approx((70.0 - (100.0 - low), 70.0 + 0.6 * (100.0 - low)), abs=0.01)
-    assert estimate([2.0] * scenes).interval_within((0.0, inf))[1] == 2.0
+    assert estimate([2.0] * scenes, limits=(0.0, inf)).interval[1] == 2.0
 
 
 def test_equal_up_to_what_machines_differ_by_is_equal() -> None:
@@ -164,6 +173,25 @@ def test_equal_differences_prove_as_much_as_a_sign_test(scenes: int, p: float) -
     assert estimate([40.0] * scenes).p_value == p
     assert estimate([-40.0] * scenes).p_value == p
     assert estimate([0.0] * scenes).p_value == 1.0
+
+
+@given(
+    value=st.floats(0.1, 100.0),
+    scenes=st.integers(2, 200),
+    other=st.floats(0.0, 100.0),
+)
+def test_where_nothing_varies_p_and_interval_say_the_same(value: float, scenes: int, other: float) -> None:
+    for sign in (1.0, -1.0):
+        found = estimate([sign * value] * scenes, [sign * other] * scenes, limits=DIFFERENCES)
+        low, high = found.interval
+        assert low < found.value < high or found.value in (low, high)
+        told_apart = low > 1e-9 or high < -1e-9
+        assert (found.p_value < 0.05) == told_apart or abs(found.p_value - 0.05) < 1e-9
+
+
+def test_all_points_in_every_scene_prove_as_much_as_a_sign_test_and_less_in_each_proves_less() -> None:
+    assert estimate([100.0] * 10, limits=DIFFERENCES).p_value == 2.0**-9
+    assert estimate([25.0] * 10, limits=DIFFERENCES).p_value == pytest.approx(2.0 * 0.8**10)
 
 
 def test_scenes_of_their_own_add_their_variances() -> None:

@@ -1,0 +1,28 @@
+"""Family: whoever a planner has started is ended with it, and nobody else."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Generator
+from contextlib import contextmanager
+
+from interplan_sumo.planner_process.family import descendants, kill_family
+
+
+@contextmanager
+def sleeper() -> Generator[subprocess.Popen[bytes]]:
+    with subprocess.Popen([sys.executable, "-S", "-c", "import time; time.sleep(600)"]) as process:
+        yield process
+        process.kill()
+
+
+def test_a_number_that_is_somebody_elses_by_now_is_left_alone() -> None:
+    with sleeper() as parent, sleeper() as child, sleeper() as stranger:
+        began = descendants(os.getpid())
+        assert began[child.pid] > 0
+        kill_family(parent.pid, known={child.pid: began[child.pid], stranger.pid: began[stranger.pid] - 1})
+        assert child.wait(10.0) < 0
+        assert parent.wait(10.0) < 0
+        assert stranger.poll() is None
