@@ -21,7 +21,6 @@ from interplan_sumo.statistics.intervals import DIFFERENCES, DRAWS, POINTS, Mean
 from interplan_sumo.statistics.scene_values import DriveValue, DriveValues, Floats, differences
 
 
-
 @dataclass(frozen=True, slots=True)
 class MadeUpSuite:
     """Families of scenes, each driven with several seeds; scores 0 to 100."""

@@ -8,8 +8,15 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Final
 
-DRIVES: Final = ("endurance", "metrics", "scenario", "simulation", "world")
-"""Packages that a segment passes through from its draw to its record."""
+DRIVES: Final = ("dynamics", "endurance", "metrics", "plan_check", "scenario", "simulation", "world")
+"""Packages and modules that a segment passes through from its draw to its record."""
+ELSEWHERE: Final = frozenset(
+    {
+        "batch", "errors", "families", "maps", "planner", "planner_options", "planner_process", "planner_seat",
+        "planner_source", "registry", "resources",
+    }
+)  # fmt: skip
+"""What a worker imports besides: of maps and planners there are hashes of their own, and the rest carries jobs."""
 TELLS: Final = frozenset(
     {
         "cell_regression", "code_hash", "drawings", "formats", "gathered", "looks", "page", "plot", "rate_sample",
@@ -25,7 +32,7 @@ def code_files() -> list[Path]:
     return [
         path
         for package in DRIVES
-        for path in sorted((root / package).rglob("*.py"))
+        for path in (sorted((root / package).rglob("*.py")) or [root / f"{package}.py"])
         if not (package == "endurance" and path.stem in TELLS)
     ] + [root / "endurance" / "saturation.json"]
 

@@ -31,7 +31,6 @@ from interplan_sumo.report.page.curves import (
 )
 from interplan_sumo.world.geometry import Floats
 
-WIDTH_TICKS: Final = (0.05, 0.1, 0.2, 0.3, 0.5, 1.0)
 DETAIL_M: Final = 2.0
 """Of roads on the map of events."""
 MAP_WIDE: Final = 1000.0

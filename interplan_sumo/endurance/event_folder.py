@@ -31,7 +31,7 @@ from interplan_sumo.errors import RunFolderError
 from interplan_sumo.maps.store import MapFiles, is_shipped, load_roads
 from interplan_sumo.metrics.profile import DEFAULT_PROFILE, Profile
 from interplan_sumo.metrics.score import score
-from interplan_sumo.scenario.files import read_scenario, scenario_text
+from interplan_sumo.scenario.files import scenario_text
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.simulation.traffic import TRAFFIC_VERSION
 from interplan_sumo.world.files import replacing
@@ -100,11 +100,6 @@ def collect_events(folder: Path, planners: Mapping[str, PlannerRecord], files: M
         with replacing(folder / "scenarios.yaml") as fresh:
             fresh.write_bytes(b"---\n".join(texts))
     return len(events)
-
-
-def event_scenario(folder: Path, event: KeptEvent) -> Scenario:
-    """The scenario that an event is cut out as; ScenarioError if its file is damaged."""
-    return read_scenario(folder / event.place / SCENARIO_FILE)
 
 
 def _kept(folder: Path) -> Iterable[KeptEvent]:

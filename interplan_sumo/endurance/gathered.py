@@ -46,8 +46,7 @@ def _about(folder: Path) -> dict[tuple[str, str], str]:
         raise RunFolderError(f"cannot read {path}: {error.strerror or error}") from None
     except RecordError as error:
         raise RunFolderError(f"{path} is damaged ({error})") from None
+    named = {"version of": about.versions, "map": about.maps, "drivers": about.drivers, "planner": about.planners}
     return {("code", ""): about.code, ("traffic version", ""): str(about.traffic_version)} | {
-        (kind, name): value
-        for kind, of in (("map", about.maps), ("drivers", about.drivers), ("planner", about.planners))
-        for name, value in of.items()
+        (kind, name): value for kind, of in named.items() for name, value in of.items()
     }

@@ -21,7 +21,6 @@ RareKind = Literal["jaywalker", "blocked_lane", "cut_in", "hard_braking_ahead", 
 """What the world does."""
 PlaceKind = Literal["straight", "turn", "merge", "crossing"]
 """Where on the road the ego is."""
-EVENT_KINDS: Final[tuple[EventKind, ...]] = get_args(EventKind)
 RARE_KINDS: Final[tuple[RareKind, ...]] = get_args(RareKind)
 PLACE_KINDS: Final[tuple[PlaceKind, ...]] = get_args(PlaceKind)
 

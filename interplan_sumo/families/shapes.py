@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from math import cos, sin
 from typing import Final
 
-from interplan_sumo.scenario.scenario import Obstacle, TrafficDemand
+from interplan_sumo.scenario.scenario import Obstacle
 from interplan_sumo.world.ego import PACIFICA
 
 CLEARANCE_M: Final = 0.3
@@ -15,7 +15,6 @@ PASSING_M: Final = PACIFICA.width_m / 2.0 + CLEARANCE_M
 """From the ego's centre line to what it may just pass."""
 LARGEST_OFFSET_M: Final = 1.4
 """The ego can pass on its own side of the road up to this lateral offset (decisions.md, nudge)."""
-NO_TRAFFIC: Final = TrafficDemand()
 
 
 def reach_m(obstacles: Iterable[Obstacle], kerb: int) -> tuple[float, float]:

@@ -247,8 +247,9 @@ def _check_agree(runs: Sequence[StoredRun], *shared: str) -> None:
         for what in shared:
             held, other = (getattr(each.manifest, what) for each in (run, runs[0]))
             if held != other:
+                name = what.replace("_", " ")
                 raise RunFolderError(
-                    f"{run.path} has {what.replace('_', ' ')} {held}, {runs[0].path} has {other}; report them separately"
+                    f"{run.path} has {name} {held}, {runs[0].path} has {other}; report them separately"
                 )
 
 

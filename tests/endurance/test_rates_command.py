@@ -18,12 +18,19 @@ from interplan_sumo.errors import InputError, RunFolderError
 
 
 def folder(
-    place: Path, planner: str, seed: int, *, map_hash: str = "m", planner_hash: str = "p", code: str = "c"
+    place: Path,
+    planner: str,
+    seed: int,
+    *,
+    map_hash: str = "m",
+    planner_hash: str = "p",
+    code: str = "c",
+    sumo: str = "1.28.0",
 ) -> Path:
     """A folder of toy kilometres, as `endure` leaves one."""
     place.mkdir()
     about = AboutEndure(
-        2, {}, code, 1, {"toy": map_hash}, {"mixed": "d"}, {planner: planner_hash}, {**NATURAL}, 0.5, 1500.0
+        2, {"sumo": sumo}, code, 1, {"toy": map_hash}, {"mixed": "d"}, {planner: planner_hash}, {**NATURAL}, 0.5, 1500.0
     )
     (place / ABOUT).write_bytes(encode(about))
     records = driven(ToyWorld(200, 0.5, 4), np.random.default_rng(seed))
@@ -60,6 +67,8 @@ def test_folders_that_cannot_stand_beside_one_another_are_refused(tmp_path: Path
         read_kilometres([one, folder(tmp_path / "four", "idm", 1, planner_hash="q")])
     with pytest.raises(InputError, match="different code; give only one"):
         read_kilometres([one, folder(tmp_path / "five", "idm", 1, code="d")])
+    with pytest.raises(InputError, match="different version of sumo; give only one"):
+        read_kilometres([one, folder(tmp_path / "six", "idm", 1, sumo="1.29.0")])
     (one / ABOUT).write_text("{}")
     with pytest.raises(RunFolderError, match="is damaged"):
         read_kilometres([one])

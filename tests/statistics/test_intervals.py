@@ -31,7 +31,6 @@ from interplan_sumo.statistics.scene_values import (
 from tests.quick import few
 
 
-
 def drives(*families: Sequence[float]) -> DriveValues:
     """One seed of every scene."""
     return {

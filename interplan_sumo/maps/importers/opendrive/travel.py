@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -195,8 +195,3 @@ def _neighbours(network: Network, side: SideStretch) -> None:
             left, right = (here, last) if outer_is_left else (last, here)
             left.right_neighbour, right.left_neighbour = right.id, left.id
         last = here
-
-
-def lanes_after(network: Network, lane: TravelLane) -> Mapping[str, TravelLane]:
-    """The lanes that follow one, by id."""
-    return {id_: network.lanes[id_] for id_ in lane.successors}
