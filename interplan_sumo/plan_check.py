@@ -110,9 +110,17 @@ def _check_motion(plan: Trajectory, ego: EgoState, now_s: float, is_even: bool) 
         x_m, y_m = float(np.interp(now_s, plan.time_s, plan.x_m)), float(np.interp(now_s, plan.time_s, plan.y_m))
     away_m = hypot(x_m - ego.x_m, y_m - ego.y_m)
     if away_m > FARTHEST_START_M:
+        first_s, first_m = float(plan.time_s[0]), hypot(float(plan.x_m[0]) - ego.x_m, float(plan.y_m[0]) - ego.y_m)
+        late = first_s < now_s - START_SLACK_S and first_m <= FARTHEST_START_M
+        way_out = (
+            f"its first pose is where the ego is, at time_s[0] = {first_s:.3f}, and now is {now_s:.3f}: are its times "
+            "absolute, as observation.time_s is?"
+            if late
+            else "plan the box centre, in the map frame"
+        )
         raise PlannerError(
             f"the plan is {away_m:.2f} m away from the ego at now, at ({x_m:.2f}, {y_m:.2f}) instead of "
-            f"({ego.x_m:.2f}, {ego.y_m:.2f}), at most {FARTHEST_START_M:g} m; plan the box centre, in the map frame"
+            f"({ego.x_m:.2f}, {ego.y_m:.2f}), at most {FARTHEST_START_M:g} m; {way_out}"
         )
     at_s, x, y = plan.time_s, plan.x_m, plan.y_m
     if not is_even:

@@ -66,6 +66,16 @@ def test_a_plan_in_times_relative_to_now_is_told_that_times_are_absolute() -> No
     assert message.endswith("are its times absolute, as observation.time_s is?")
 
 
+def test_so_is_one_that_has_not_ended_yet_and_begins_where_the_ego_is() -> None:
+    relative = plan(time_s=np.linspace(0.0, 8.0, 81), x_m=100.0 + 10.0 * np.linspace(0.0, 8.0, 81))
+    assert "35.00 m away from the ego at now" in refused(relative)
+    assert refused(relative).endswith(
+        "its first pose is where the ego is, at time_s[0] = 0.000, and now is 3.500: are its times absolute, as "
+        "observation.time_s is?"
+    )
+    assert refused(plan(x_m=90.0 + np.linspace(0.0, 8.0, 81))).endswith("plan the box centre, in the map frame")
+
+
 def test_a_plan_in_microseconds_is_asked_for_seconds() -> None:
     check_plan(plan(time_s=np.linspace(3.5, 123.5, 1201)), EGO, EGO.time_s)
     assert "are its times in seconds?" in refused(plan(time_s=np.array([3.5, 124.0])))

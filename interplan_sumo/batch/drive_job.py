@@ -93,8 +93,9 @@ def _open_planner(settings: DriveSettings, name: str, publish: Publish) -> Work:
         sheet, trace_hash, place = None, None, None
         publish("plan")
         report, fault = _report(seat, fault)
-        if isinstance(seat, PlannerProcess) and seat.has_ended:
-            sys.stderr.write(seat.printed)
+        if isinstance(seat, PlannerProcess):
+            if fault is not None and fault.kind == "planner":
+                sys.stderr.write(seat.printed)
             if seat.killed_from_outside:
                 raise KilledFromOutsideError("" if fault is None else fault.message)
         if episode.trace is not None:

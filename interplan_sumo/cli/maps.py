@@ -1,4 +1,4 @@
-"""Commands about maps: list, check, convert, render."""
+"""Commands about maps: list, import, check, convert, render."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ def import_recorded(
     ] = None,
     goal: Annotated[
         float | None,
-        typer.Option(help="Metres ahead, unless the track goes farther or the roads end. Default: 150."),
+        typer.Option(help="Metres ahead, unless the track goes farther. Default: 150; replayed, where the track ends."),
     ] = None,
     duration: Annotated[
         float | None, typer.Option(help="Seconds. Default: the rest of the recording; 30 where SUMO moves the others.")

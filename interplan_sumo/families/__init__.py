@@ -40,3 +40,8 @@ def original_names() -> dict[str, str]:
 
 
 __all__ = ["FAMILIES", "Family", "StartCheck", "families", "find_family", "names", "original_names"]
+
+
+def named_family(id: str) -> str:
+    """By which a scenario is called: ids are `family/number`, or `map.family/number` where one was made for a map."""
+    return id.partition("/")[0].rpartition(".")[2]

@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 import shapely
 
+from interplan_sumo.families import named_family
 from interplan_sumo.families.draws import Draws
 from interplan_sumo.families.staging import WALK_MPS, WALKS_MPS
 from interplan_sumo.scenario.scenario import (
@@ -351,7 +352,7 @@ def _scenario(
 ) -> Scenario:  # fmt: skip
     return Scenario(
         id=id,
-        family=id.partition("/")[0].rpartition(".")[2],
+        family=named_family(id),
         map=roads.name,
         start=course.start,
         start_speed_mps=round(share * _limit_mps(roads, course.start), 1),

@@ -10,6 +10,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from interplan_sumo.families.shapes import CLEARANCE_M, LARGEST_OFFSET_M
 from interplan_sumo.scenario.constant_velocity import OVERLAP_M, beside, ego_ahead, ego_boxes
 from interplan_sumo.scenario.kinds import OBSTACLES, SLOW_KINDS, SLOW_SIZES_M
 from interplan_sumo.scenario.scenario import Scenario
@@ -18,10 +19,6 @@ from interplan_sumo.world.ego import PACIFICA, EgoShape
 from interplan_sumo.world.geometry import Floats, Polyline, box_corners, penetration_m
 from interplan_sumo.world.roads import Roads
 
-CLEARANCE_M: Final = 0.3
-"""Room between the ego and what it passes (decisions.md, nudge)."""
-LARGEST_OFFSET_M: Final = 1.4
-"""Lateral offset from the lane's centre with which a nudge can be solved (decisions.md)."""
 OFFSET_SLACK_M: Final = 0.02
 """Places in scenarios are rounded to centimetres."""
 AUDIT_SLACK_M: Final = 0.05

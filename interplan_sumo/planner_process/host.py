@@ -11,6 +11,7 @@ import sys
 import time
 from collections import deque
 from collections.abc import Callable
+from io import TextIOWrapper
 from typing import Any, BinaryIO
 
 import msgspec
@@ -98,6 +99,8 @@ def main(spec: str) -> None:
     for each in (requests, replies):  # what the planner starts has no business with them
         os.set_inheritable(each.fileno(), False)
     faulthandler.enable()
+    if isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout.reconfigure(line_buffering=True)  # what it prints is there when it fails
     home = os.getpid()
     greeting, host = _greeting(spec)
     replies.write(msgspec.json.encode(greeting) + b"\n")

@@ -49,7 +49,8 @@ def read_argoverse2_sensor_log(path: Path) -> Recording:
     them to the city. Gaps of up to 0.5 s are filled, as for other recordings.
     """
     folder = Path(path) if Path(path).is_dir() else Path(path).parent
-    boxes = _table(_only(folder, BOXES), ("timestamp_ns", "track_uuid", "category", "length_m", "width_m"))
+    file = Path(path) if Path(path).is_file() else _only(folder, BOXES)
+    boxes = _table(file, ("timestamp_ns", "track_uuid", "category", "length_m", "width_m"))
     poses = _table(_only(folder, POSES), ("timestamp_ns",)).drop_duplicates("timestamp_ns").set_index("timestamp_ns")
     city = _city(folder)
     crs, origin_m = city_frame(city)
@@ -152,6 +153,8 @@ def _only(folder: Path, pattern: str) -> Path:
     files = sorted(folder.glob(pattern))
     if not files:
         raise InputError(f"{folder}: holds no {pattern}; a sensor log of Argoverse 2 does")
+    if len(files) > 1:
+        raise InputError(f"{folder}: holds {', '.join(file.name for file in files)}; name one of them")
     return files[0]
 
 

@@ -28,7 +28,7 @@ def read_nuplan_log(
 
     InputError if the log or a moment cannot be used.
     """
-    with NuplanLog(path) as log:
+    with NuplanLog(_file(path)) as log:
         return [log.recording(moment, duration) for moment in picked_moments(log, at, token, tag, count)]
 
 
@@ -54,8 +54,18 @@ def _apart(moments: Sequence[LogMoment]) -> list[LogMoment]:
     return kept
 
 
+def _file(path: Path) -> Path:
+    """A log itself, or the only one of a folder."""
+    if not path.is_dir():
+        return path
+    found = sorted(path.rglob("*.db"))
+    if len(found) != 1:
+        raise InputError(f"{path} holds {len(found)} logs; name one of them, such as {found[0] if found else 'X.db'}")
+    return found[0]
+
+
 def _lasts(path: Path) -> tuple[float, str]:
-    with NuplanLog(path) as log:
+    with NuplanLog(_file(path)) as log:
         return log.lasts_s, log.map_name
 
 

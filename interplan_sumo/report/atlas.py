@@ -13,6 +13,7 @@ import numpy as np
 
 from interplan_sumo.batch.run_folder import MANIFEST, StoredRun, read_run
 from interplan_sumo.errors import InputError, UnknownNameError
+from interplan_sumo.families import named_family
 from interplan_sumo.families.scene_space import PLACE, quantiles_apart
 from interplan_sumo.verification.generation import PARAMETERS, NotedDraw, read_parameters
 from interplan_sumo.verification.hard_folder import TRIED, read_tried_scores
@@ -162,7 +163,9 @@ def read_atlas(
         raise InputError(f"{folder} is neither a run folder nor one of scenarios harden")
     scores, drawn = read_tried_scores(folder), read_parameters(tried / PARAMETERS)
     named = _one(f"planner in {tried}", planner, list(scores))
-    found = [AtlasScene(id, _family_of(id), 0, score, drawn[id]) for id, score in scores[named].items() if id in drawn]
+    found = [
+        AtlasScene(id, named_family(id), 0, score, drawn[id]) for id, score in scores[named].items() if id in drawn
+    ]
     if not found:
         raise InputError(f"{tried} has no scene that {named} drove")
     return atlas(named, found, family, over, run=None, source=folder)
@@ -184,10 +187,6 @@ def _one(what: str, asked: str | None, known: Sequence[str]) -> str:
     if not known:
         raise InputError(f"there is no {what}")
     return asked or known[0]
-
-
-def _family_of(id: str) -> str:
-    return id.partition("/")[0].rpartition(".")[2]
 
 
 def _scenes_of(run: StoredRun, planner: str, drawn: Mapping[str, Mapping[str, NotedDraw]]) -> list[AtlasScene]:

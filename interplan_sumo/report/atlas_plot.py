@@ -14,6 +14,8 @@ from interplan_sumo.world.files import writing
 DPI: Final = 150
 SIZE_INCHES: Final = (6.4, 4.6)
 FAILS, SOLVES = "#b3261e", "#2f8f5b"
+UNTOLD: Final = {".png": "Software", ".pdf": "CreationDate", ".svg": "Date"}
+"""What a file does not say of itself, so that equal ones are equal."""
 
 
 def plot_atlas(atlas: Atlas, path: Path) -> None:
@@ -21,6 +23,7 @@ def plot_atlas(atlas: Atlas, path: Path) -> None:
 
     InputError if the file cannot be written, or is to be of a kind that matplotlib does not know.
     """
+    from matplotlib import rc_context
     from matplotlib.figure import Figure
     from matplotlib.patches import Rectangle
 
@@ -45,5 +48,5 @@ def plot_atlas(atlas: Atlas, path: Path) -> None:
     axes.set_ylim(0.0, 1.0)
     axes.set_title(f"{atlas.planner}, {atlas.family}: {atlas.solved} of {len(atlas.scenes)} solved", fontsize=10)
     figure.legend(loc="outside lower center", ncols=2, frameon=False)
-    with writing(path, "give another file as --png"):
-        figure.savefig(path, metadata={"Software": None} if path.suffix == ".png" else None)
+    with writing(path, "give another file as --png"), rc_context({"svg.hashsalt": "atlas"}):
+        figure.savefig(path, metadata={UNTOLD[kind]: None} if (kind := path.suffix.lower()) in UNTOLD else None)

@@ -11,7 +11,7 @@ from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.batch.same_benchmark import benchmark_of
 from interplan_sumo.batch.verified import verified_rows
 from interplan_sumo.errors import RunFolderError
-from interplan_sumo.families import find_family
+from interplan_sumo.families import find_family, named_family
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,5 +88,5 @@ def _asked(parts: Sequence[StoredRun]) -> list[JobKey]:
 
 
 def family_of(key: JobKey, briefs: Mapping[JobKey, Brief]) -> str:
-    """A scenario that has no row yet has no family on file; official ids begin with it."""
-    return briefs[key].family if key in briefs else key[0].partition("/")[0]
+    """A scenario that has no row yet has no family on file: it is that by which it is called."""
+    return briefs[key].family if key in briefs else named_family(key[0])

@@ -65,7 +65,6 @@ def write_film(
     if writer is None:
         raise InputError(f"{path}: films end in {', '.join(WRITERS)}")
     _require_extra()
-    _check_writable(path)
     share = GIF_SHARE if path.suffix.lower() == ".gif" else 1.0
     if path.suffix.lower() == ".png":
         start_s = deciding_moment(drives[0]).time_s if from_s is None else from_s
@@ -73,6 +72,7 @@ def write_film(
     else:
         frames = _frames(drives, from_s, to_s)
     stride = max(1, ceil(speed / (drives[0].trace.dt_s * FASTEST_FPS)))
+    _check_writable(path)
     film = _Film(drives, frames, share)
     with writing(path):
         writer(path, film.images(frames[::stride]), speed / (stride * drives[0].trace.dt_s))
@@ -85,8 +85,11 @@ def _require_extra() -> None:
 
 def _check_writable(path: Path) -> None:
     """Before the drawing is done in vain."""
+    new = not path.exists()
     with writing(path):
         path.open("ab").close()
+    if new:
+        path.unlink()
 
 
 def _frames(drives: Sequence[StoredDrive], from_s: float | None, to_s: float | None) -> list[int]:

@@ -29,6 +29,11 @@ FAMILY: Final = "recorded"
 STEP_S: Final = 0.1
 """Of a scenario; recordings with another step are interpolated."""
 GOAL_M: Final = 150.0
+"""So far ahead the goal of a scene lies that SUMO drives on, at least."""
+BEFORE_END_M: Final = 2.0
+"""So far before the end of its track the goal of a replayed one lies: who drives as the recorded car did comes past."""
+LEAST_GOAL_M: Final = 20.0
+"""Nearer than this it is no goal, and lies `GOAL_M` ahead instead."""
 SUMO_DURATION_S: Final = 30.0
 LEAST_DURATION_S: Final = 1.0
 END_M: Final = 5.0
@@ -58,14 +63,15 @@ def scene(
     ego_id: str | None = None,
     at_s: float = 0.0,
     agents: Agents = "sumo",
-    goal_m: float = GOAL_M,
+    goal_m: float | None = None,
     duration_s: float | None = None,
 ) -> RecordedScene:
     """The scenario that begins `at_s` after the recording does, with the ego in the place of track `ego_id`.
 
     By default the ego is the car that measured. Its route follows its track;
     where that is shorter than `goal_m` the route goes straight on up to there
-    or to where the roads end. The default duration is the rest of the recording
+    or to where the roads end. By default the goal of replayed agents lies where the track
+    ends, as the drive does, and else 150 m ahead. The default duration is the rest of the recording
     for replayed agents, 30 s for those that SUMO drives. ScenarioError if there
     is no such track, or if it does not follow the lanes.
     """
@@ -82,8 +88,8 @@ def scene(
 
 
 def ego_scene(
-    recording: Recording, roads: Roads, *, ego_id: str | None, at_s: float, agents: Agents, goal_m: float,
-    duration_s: float | None,
+    recording: Recording, roads: Roads, *, ego_id: str | None, at_s: float, agents: Agents,
+    goal_m: float | None, duration_s: float | None,
 ) -> tuple[Scenario, RecordedTrack, int, tuple[str, ...]]:  # fmt: skip
     """`scene` with the ego and the recorded lights only; the ego's track, the step that it begins at, and notes."""
     if recording.crs != roads.crs:
@@ -91,7 +97,7 @@ def ego_scene(
             f"recording {recording.name} is in {recording.crs}, map {roads.name} in {roads.crs}; "
             "import the map that belongs to it"
         )
-    if not (np.isfinite(goal_m) and goal_m > PACIFICA.length_m):
+    if goal_m is not None and not (np.isfinite(goal_m) and goal_m > PACIFICA.length_m):
         raise ScenarioError(f"goal_m is {goal_m}, expected more than the ego's length, {PACIFICA.length_m} m")
     step = _step(recording, at_s)
     ego = _ego(recording, ego_id, step)
@@ -102,7 +108,7 @@ def ego_scene(
             f"recording {recording.name}: track {ego.id} is on no lane of map {roads.name} at {at_s:g} s; "
             "name another time with --at, or another track with --ego"
         )
-    route, goal, notes = _way(recording, roads, ego, path, goal_m)
+    route, goal, notes = _way(recording, roads, ego, path, goal_m, to_its_end=agents == "replayed")
     bare = Scenario(
         id=f"{roads.name}.{FAMILY}/{ego.id}-{(step - recording.start_step) * recording.step_s:.1f}s-{agents}",
         family=FAMILY,
@@ -187,9 +193,12 @@ def floored_m(arc_m: float) -> float:
 
 
 def _way(
-    recording: Recording, roads: Roads, ego: RecordedTrack, path: MatchedPath, goal_m: float
+    recording: Recording, roads: Roads, ego: RecordedTrack, path: MatchedPath, goal_m: float | None, *, to_its_end: bool
 ) -> tuple[tuple[str, ...], LanePosition, tuple[str, ...]]:
-    """Route, goal and notes: along the recorded path, then straight on until the goal is `goal_m` away."""
+    """Route, goal and notes: along the recorded path, then straight on until the goal is `goal_m` away.
+
+    By default up to the end of the track, if that is wished and far enough, else `GOAL_M` at least.
+    """
     chain, is_simple = _one_lane_per_block(roads, path.chain)
     ends = _ends_m(roads, chain, path.first)
     recorded_m = ends[-1] - roads[chain[-1]].centerline.length_m + path.last.arc_m if is_simple else ends[-1]
@@ -198,6 +207,11 @@ def _way(
         notes.append(f"track {ego.id} leaves the lanes after {recorded_m:.0f} m; the route goes on along them")
     if not is_simple:
         notes.append(f"track {ego.id} comes back to where it was; the route ends before")
+    if goal_m is None and to_its_end:
+        there = _latest(roads, chain, ends, recorded_m - BEFORE_END_M)
+        if there is not None and there[1] >= LEAST_GOAL_M:
+            return *_route_to(roads, chain, ends, *there), tuple(notes)
+    goal_m = GOAL_M if goal_m is None else goal_m
     wanted_m = max(goal_m, recorded_m)
     while ends[-1] < wanted_m or isinstance(roads[chain[-1]], Connector):
         after = _straightest(roads, chain)
@@ -205,11 +219,9 @@ def _way(
             break
         chain.append(after)
         ends.append(ends[-1] + roads[after].centerline.length_m)
-    chain, ends = _up_to(roads, chain, ends, wanted_m)
-    last = roads[chain[-1]].centerline.length_m
-    reached_m = min(wanted_m, ends[-1] - min(END_M, last / 2.0))
-    goal = LanePosition(chain[-1], floored_m(max(reached_m - (ends[-1] - last), min(END_M, last / 2.0))))
-    at_m = ends[-1] - last + goal.arc_m
+    number, at_m = _first(roads, chain, ends, wanted_m)
+    if not roads.outgoing(chain[-1]) and at_m > ends[-1] - END_M:  # not on the stub at the edge of a map
+        number, at_m = _latest(roads, chain, ends, ends[-1] - END_M) or (number, at_m)
     if at_m <= PACIFICA.length_m:
         raise ScenarioError(
             f"recording {recording.name}: the roads end {at_m:.1f} m ahead of track {ego.id}; name an earlier time "
@@ -219,7 +231,7 @@ def _way(
         notes.append(f"the track shows {recorded_m:.0f} m of the way, the goal lies {at_m:.0f} m ahead: straight on")
     if at_m < goal_m - END_M:
         notes.append(f"the roads end before {goal_m:.0f} m")
-    return roads.route_through(chain), goal, tuple(notes)
+    return *_route_to(roads, chain, ends, number, at_m), tuple(notes)
 
 
 def _one_lane_per_block(roads: Roads, chain: tuple[str, ...]) -> tuple[list[str], bool]:
@@ -252,12 +264,32 @@ def _straightest(roads: Roads, chain: list[str]) -> str | None:
     return min(ways, key=lambda lane: (abs(roads[lane].centerline.turned_rad), lane), default=None)
 
 
-def _up_to(roads: Roads, chain: list[str], ends: list[float], wanted_m: float) -> tuple[list[str], list[float]]:
-    """The chain cut behind the first lane that reaches as far as wanted; it never ends on a connector."""
-    lanes = [i for i, lane in enumerate(chain) if not isinstance(roads[lane], Connector)]
-    far = [i for i in lanes if ends[i] >= wanted_m]
-    last = far[0] if far else lanes[-1] if lanes else len(chain) - 1
-    return chain[: last + 1], ends[: last + 1]
+def _first(roads: Roads, chain: list[str], ends: list[float], wanted_m: float) -> tuple[int, float]:
+    """The first lane that reaches as far as wanted, and how far ahead a place there is; never on a connector."""
+    lanes = _lanes(roads, chain)
+    number = next((i for i in lanes if ends[i] >= wanted_m), lanes[-1] if lanes else len(chain) - 1)
+    length_m = roads[chain[number]].centerline.length_m
+    edge_m = min(END_M, length_m / 2.0)
+    return number, max(min(wanted_m, ends[number] - edge_m), ends[number] - length_m + edge_m)
+
+
+def _latest(roads: Roads, chain: list[str], ends: list[float], most_m: float) -> tuple[int, float] | None:
+    """The last lane that begins before a distance, and how far ahead a place there is which is no farther; or None."""
+    begun = [i for i in _lanes(roads, chain) if ends[i] - roads[chain[i]].centerline.length_m < most_m]
+    return (begun[-1], min(most_m, ends[begun[-1]])) if begun else None
+
+
+def _lanes(roads: Roads, chain: list[str]) -> list[int]:
+    return [i for i, lane in enumerate(chain) if not isinstance(roads[lane], Connector)]
+
+
+def _route_to(
+    roads: Roads, chain: list[str], ends: list[float], number: int, at_m: float
+) -> tuple[tuple[str, ...], LanePosition]:
+    """Route and goal: the chain up to one of its lanes, and the place there that is so far ahead."""
+    lane = chain[number]
+    arc_m = floored_m(at_m - ends[number] + roads[lane].centerline.length_m)
+    return roads.route_through(chain[: number + 1]), LanePosition(lane, arc_m)
 
 
 def _duration_s(recording: Recording, step: int, agents: Agents, wanted_s: float | None) -> float:

@@ -76,22 +76,20 @@ def unsafe_agents(no_collision: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def noisy_objects(trace: Trace) -> tuple[str, ...]:
-    """Objects that jump, spin, or come and go beside the ego."""
+    """Objects that jump, spin, or come and go beside the ego, be it for some frames."""
     actors = trace.actors
     found: list[str] = []
     order = np.lexsort((actors.frame, actors.ids.astype(str)))
     ids, frame = actors.ids[order].astype(str), actors.frame[order]
     x, y = actors.x_m[order], actors.y_m[order]
-    same = (ids[1:] == ids[:-1]) & (frame[1:] == frame[:-1] + 1)
+    same = (ids[1:] == ids[:-1]) & (frame[1:] == frame[:-1] + 1)  # in two frames that follow one another
     for column, velocity in ((x, actors.vx_mps[order]), (y, actors.vy_mps[order])):
         mean = (velocity[1:] + velocity[:-1]) / 2.0
         jumps = same & (np.abs(np.diff(column) - 0.1 * mean) > JUMP_M)
         found += [f"{ids[i]} jumps at {frame[i + 1] * 0.1:.1f} s" for i in np.flatnonzero(jumps)]
     turn = np.abs(wrap_angle(np.diff(actors.heading_rad[order])))
     found += [f"{ids[i]} spins at {frame[i + 1] * 0.1:.1f} s" for i in np.flatnonzero(same & (turn > TURN_RAD))]
-    first = np.append(True, ids[1:] != ids[:-1])
-    last = np.append(ids[1:] != ids[:-1], True)
-    comes, goes = first & (frame > 0), last & (frame < len(trace.ego) - 1)
+    comes, goes = np.append(True, ~same) & (frame > 0), np.append(~same, True) & (frame < len(trace.ego) - 1)
     for what, rows in (("appears", np.flatnonzero(comes)), ("vanishes", np.flatnonzero(goes))):
         ego_x, ego_y = trace.ego.x_m[frame[rows]], trace.ego.y_m[frame[rows]]
         near = np.hypot(x[rows] - ego_x, y[rows] - ego_y) < NEAR_M

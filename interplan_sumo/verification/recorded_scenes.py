@@ -11,7 +11,7 @@ from interplan_sumo.errors import InputError, UnknownNameError
 from interplan_sumo.maps.store import MANIFEST, MapFiles, find_map, load_roads, maps
 from interplan_sumo.recordings.formats import RECORDING_FORMATS, RecordingFormat, format_of
 from interplan_sumo.scenario.files import MAPS
-from interplan_sumo.scenario.recorded import GOAL_M, Agents, RecordedScene, scene
+from interplan_sumo.scenario.recorded import Agents, RecordedScene, scene
 from interplan_sumo.scenario.scenario import first_twice
 from interplan_sumo.verification.certificates import Proof
 from interplan_sumo.verification.generation import write_proved
@@ -30,7 +30,7 @@ class Moments:
     ego_id: str | None = None
     """None takes the car that measured."""
     agents: Literal["sumo", "replayed", "both"] = "both"
-    goal_m: float = GOAL_M
+    goal_m: float | None = None
     duration_s: float | None = None
 
 

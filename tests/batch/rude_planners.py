@@ -21,6 +21,7 @@ class NeverBegins(StraightAhead):
 
 class Raises(StraightAhead):
     def plan(self, observation: Observation) -> Trajectory:
+        print(f"at {observation.time_s:.1f} s")
         if observation.time_s > 0.95:
             raise ValueError("I cannot see")
         return super().plan(observation)

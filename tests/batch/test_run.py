@@ -216,6 +216,14 @@ def test_a_planners_fault_is_a_zero_under_any_profile(tmp_path: Path) -> None:
     assert [row.score for row in again.rows.values()] == [0.0]
 
 
+@pytest.mark.slow
+def test_what_a_planner_printed_before_it_failed_is_kept(tmp_path: Path) -> None:
+    (row,) = run(request(tmp_path, f"{RUDE}:Raises", workers=1)).rows.values()
+    assert row.fault is not None
+    assert "I cannot see" in row.fault.message
+    assert row.printed.endswith("at 0.9 s\nat 1.0 s\n")
+
+
 @pytest.mark.parametrize("damage", ["missing", "truncated", "of another drive", "foreign", "older"])
 def test_a_damaged_trace_is_named_and_the_rest_is_scored(damage: str, official: StoredRun, tmp_path: Path) -> None:
     stored = copied(official, tmp_path / "run")

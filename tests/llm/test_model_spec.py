@@ -71,6 +71,21 @@ def test_a_replay_opens_neither_file_nor_connection(tmp_path: Path) -> None:
     assert open_model("embedded:/no/such.gguf", store=path, mode="replay").ask(question()).choice == "follow"
 
 
+def test_a_model_whose_name_begins_anothers_can_be_replayed(tmp_path: Path) -> None:
+    path = tmp_path / "answers.jsonl"
+    for text, name in (("stop", "http://nowhere.invalid/v1#toy"), ("follow", "http://nowhere.invalid/v1#toy-mini")):
+        StoredModel(name, AnswerStore(path), "record", open_model(f"scripted:{text}")).ask(question())
+    named = open_model(f"replay:{path}#http://nowhere.invalid/v1%23toy")
+    replayed = open_model("http://nowhere.invalid/v1#toy", store=path, mode="replay")
+    assert named.ask(question()).choice == replayed.ask(question()).choice == "stop"
+
+
+def test_scripted_texts_with_blanks_can_be_replayed(tmp_path: Path) -> None:
+    path = tmp_path / "answers.jsonl"
+    recorded = open_model("scripted:stop%20now", store=path).ask(question())
+    assert open_model("scripted:stop%20now", store=path, mode="replay").ask(question()) == recorded
+
+
 def test_a_replay_of_several_models_wants_one_named(tmp_path: Path) -> None:
     path = tmp_path / "answers.jsonl"
     for text in ("stop", "follow"):

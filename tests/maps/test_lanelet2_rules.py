@@ -42,7 +42,8 @@ def test_speeds_with_and_without_a_unit(text: str, mps: float | None) -> None:
 @pytest.mark.parametrize(
     ("sign", "kmh"),
     [("de274-60", 60), ("DE274-60", 60), ("de274.1", 30), ("de274_1", 30), ("de274.1-20", 20), ("de310", 50),
-     ("de325.1", 7), ("speed_limit_40", 40), ("30 km/h", 30), ("de205", None), ("de274", None), ("stop", None)],
+     ("de325.1", 7), ("speed_limit_40", 40), ("30 km/h", 30), ("de205", None), ("de274", None), ("de274.2-20", None),
+     ("stop", None)],
 )  # fmt: skip
 def test_signs_that_set_a_limit(sign: str, kmh: float | None) -> None:
     assert sign_mps(sign) == (None if kmh is None else pytest.approx(kmh * KMH))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -77,6 +78,14 @@ def test_a_damaged_file_and_a_log_without_a_map_are_told(tmp_path: Path) -> None
     (folder / "annotations.feather").write_bytes(b"no feather")
     with pytest.raises(InputError, match="cannot be read"):
         read_argoverse2_sensor_log(folder)
+
+
+def test_of_several_files_of_boxes_one_is_named(tmp_path: Path) -> None:
+    folder = log(tmp_path, boxes())
+    shutil.copy(folder / "annotations.feather", folder / "annotations_with_ego.feather")
+    with pytest.raises(InputError, match=r"holds annotations.feather, annotations_with_ego.feather; name one of them"):
+        read_argoverse2_sensor_log(folder)
+    assert read_argoverse2_sensor_log(folder / "annotations_with_ego.feather").tracks
 
 
 def test_a_real_log_is_known_by_its_files_and_read() -> None:

@@ -14,6 +14,7 @@ from numpy.testing import assert_allclose
 from interplan_sumo.errors import InputError, UnknownNameError
 from interplan_sumo.recordings import nuplan_db
 from interplan_sumo.recordings.gaps import MAX_BRIDGED_STEPS
+from interplan_sumo.recordings.nuplan import read_nuplan_log
 from interplan_sumo.recordings.nuplan_db import NuplanLog, tokens_held
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.ego import PACIFICA
@@ -244,6 +245,14 @@ def test_a_flood_of_boxes_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(nuplan_db, "MOST_BOXES", 50)
     with pytest.raises(InputError, match="lidar_box has more than 50 rows in 51 sweeps"):
         read(path)
+
+
+def test_a_folder_stands_for_the_only_log_in_it(tmp_path: Path) -> None:
+    short_log(tmp_path / "a.db", EGO, [EAST])
+    assert len(read_nuplan_log(tmp_path)) == 1
+    short_log(tmp_path / "b.db", EGO, [EAST])
+    with pytest.raises(InputError, match=r"holds 2 logs; name one of them, such as .*a\.db"):
+        read_nuplan_log(tmp_path)
 
 
 def test_a_log_is_read_without_touching_its_folder(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import time
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from interplan_sumo.cli import main
 from interplan_sumo.errors import InputError, UnknownNameError
 from interplan_sumo.report.atlas import Atlas, AtlasScene, atlas, read_atlas, told_share
 from interplan_sumo.report.atlas_page import atlas_map, atlas_page, scene_link, summary
+from interplan_sumo.report.atlas_plot import plot_atlas
 from interplan_sumo.verification.generation import NotedDraw
 from tests.commands import ran
 
@@ -152,6 +154,15 @@ def test_the_command_tells_what_a_search_tried_and_writes_a_page_in_which_names_
     assert code == 0
     assert "of 40 scenes of jaywalker" in out
     assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("kind", ["png", "pdf", "svg"])
+def test_equal_atlases_give_equal_pictures_at_any_time(kind: str, found: Atlas, tmp_path: Path) -> None:
+    first, second = tmp_path / f"a.{kind}", tmp_path / f"b.{kind}"
+    plot_atlas(found, first)
+    time.sleep(1.1)  # what a picture says of when it was made is in seconds
+    plot_atlas(found, second)
+    assert first.read_bytes() == second.read_bytes()
 
 
 def test_what_cannot_be_told_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

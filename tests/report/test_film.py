@@ -137,6 +137,7 @@ def test_a_film_that_cannot_be_is_refused_in_one_line(
 ) -> None:
     with pytest.raises(InputError, match=said):
         write_film([driven()] * drives, tmp_path / name, **options)
+    assert not [*tmp_path.iterdir()]
 
 
 def test_without_the_extra_it_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,7 +8,7 @@ from msgspec.structs import replace
 from interplan_sumo.batch.records import Shard
 from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.errors import RunFolderError
-from interplan_sumo.report.table import make_table
+from interplan_sumo.report.table import Cell, make_table
 from tests.report.rows import drive, stored
 
 
@@ -208,6 +208,13 @@ def test_what_is_missing_of_ordinary_driving_leaves_the_total_as_it_is() -> None
     assert not table.complete
     assert (line.cells["interplan"].value, line.cells["ordinary"].value) == (100.0, None)
     assert line.missing == (("changing_lane/0", "idm", 0),)
+
+
+def test_what_is_missing_of_scenes_made_for_a_map_is_missing_of_their_family() -> None:
+    (line,) = make_table([stored(drive("strip.nudge/0", 1.0, family="nudge"), missing=("strip.nudge/1",))]).lines
+    assert line.cells["nudge"] == Cell(None, None, 1, 2)
+    (line,) = make_table([stored(missing=("strip.changing_lane/1",))]).lines
+    assert line.cells["ordinary"].asked == 1
 
 
 def test_runs_of_ordinary_driving_must_agree_as_others_must() -> None:

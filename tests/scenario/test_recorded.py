@@ -71,6 +71,32 @@ def test_the_goal_lies_as_far_as_is_wished_on_a_lane_and_off_the_end_of_the_road
     assert found.scenario.route == (("1",) if goal.lane == "11" else ("1", "2", "3"))
 
 
+@pytest.mark.parametrize(
+    ("steps", "goal"),
+    [
+        (51, LanePosition("11", 68.0)),  # 50 m from x = 20 m, less 2 m
+        (88, LanePosition("11", 100.0)),  # the track ends inside a junction: at the end of the lane before it
+        (131, LanePosition("31", 38.0)),
+        (16, LanePosition("31", 60.0)),  # so near it would be no goal
+    ],
+)
+def test_where_everyone_is_replayed_the_goal_is_where_the_recorded_car_came(steps: int, goal: LanePosition) -> None:
+    log = recording(drives("ego", 20.0, 0.0, 10.0, steps=steps), stands("a", 60.0, 8.0, steps=steps))
+    assert scene(log, ROADS, agents="replayed").scenario.goal == goal
+    assert scene(log, ROADS, agents="replayed", goal_m=150.0).scenario.goal == LanePosition("31", 60.0)
+    assert scene(log, ROADS, agents="sumo").scenario.goal == LanePosition("31", 60.0)
+
+
+@pytest.mark.parametrize(("stub_m", "goal"), [(4.0, LanePosition("11", 95.0 - 1e-3)), (8.0, LanePosition("31", 3.0))])
+def test_the_goal_lies_5_m_before_the_edge_of_the_map_also_where_its_last_lane_is_a_stub(
+    stub_m: float, goal: LanePosition
+) -> None:
+    roads = straight_road(length_m=100.0 + stub_m, cuts_m=((95.0, 100.0),))
+    found = scene(recording(drives("ego", 20.0, 0.0, 10.0)), roads).scenario.goal
+    assert found.lane == goal.lane
+    assert found.arc_m == pytest.approx(goal.arc_m, abs=0.01)
+
+
 def test_the_route_follows_a_lane_change_and_a_turn() -> None:
     ego = track("ego", poses_along(((20.0, 0.0), (40.0, 0.0), (60.0, -3.5), (200.0, -3.5)), 10.0, 90))
     found = scene(recording(ego), ROADS)

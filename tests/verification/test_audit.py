@@ -60,6 +60,15 @@ def test_an_object_that_jumps_spins_or_comes_from_nowhere_is_noisy(before: Actor
     assert bool(noisy_objects(drive(0.0, 0.0, actors=[before, after]))) is noisy
 
 
+def test_who_is_gone_for_some_frames_beside_the_ego_is_noisy() -> None:
+    there, gone = cars((45.0, 0.0)), cars()
+    assert noisy_objects(drive(0.0, 0.0, 0.0, actors=[there, there, there])) == ()
+    said = noisy_objects(drive(0.0, 0.0, 0.0, actors=[there, gone, there]))
+    assert [each.partition(" ")[2] for each in said] == [
+        "appears beside the ego at 0.2 s", "vanishes beside the ego at 0.0 s",
+    ]  # fmt: skip
+
+
 def test_only_contacts_that_are_not_the_egos_fault_are_unsafe_agents() -> None:
     contacts = [{"track": "a", "time_s": 3.0, "at_fault": False}, {"track": "b", "time_s": 4.0, "at_fault": True}]
     assert unsafe_agents({"contacts": contacts}) == ("a ran into the ego at 3.0 s",)

@@ -50,7 +50,7 @@ class TrainRequest:
     size: str | None = None
     options: dict[str, Any]
     settings: dict[str, Any]
-    """Of `recipe.Settings`, where they differ from the recipe's own."""
+    """Of `TrainingSettings`, where they differ from the recipe's own."""
     share: float = 1.0
     """Of the drives to learn from."""
     resume: bool = False

@@ -26,7 +26,7 @@ JUDGING_SPARE = 1.3
 
 
 def tune(given: argparse.Namespace) -> None:
-    """Do what the command `train` was given. InputError for files and settings that cannot be used."""
+    """Do what the command was given. InputError for files and settings that cannot be used."""
     began_s = time.monotonic()
     settings = _settings(given)
     torch.set_num_threads(settings.threads)

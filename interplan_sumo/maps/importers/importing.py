@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from interplan_sumo.errors import InputError, MapError
 from interplan_sumo.maps.controls import MapControls
@@ -56,11 +57,16 @@ def import_map(source: Path, format: str, folder: Path, *, overwrite: bool = Fal
         notes=(*made.notes, *changed),
     )
     with writing(files.folder, "name another folder"):
-        files.folder.mkdir(parents=True, exist_ok=True)
-        write_map(made.roads, files.gpkg)
-        controls.write(files.folder)
-        convert(read_map(files.gpkg, name), files.folder)
-        record.write(files.folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        with TemporaryDirectory(prefix=".writing-", dir=folder) as place:  # all of a map or nothing
+            fresh = MapFiles(name, VERSION, Path(place))
+            write_map(made.roads, fresh.gpkg)
+            controls.write(fresh.folder)
+            convert(read_map(fresh.gpkg, name), fresh.folder)
+            record.write(fresh.folder)
+            files.folder.mkdir(exist_ok=True)
+            for path in sorted(fresh.folder.iterdir()):
+                path.replace(files.folder / path.name)
     return files, record
 
 

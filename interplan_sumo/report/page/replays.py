@@ -8,10 +8,10 @@ from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from functools import cache
 from multiprocessing import get_context
-from os import cpu_count
 from pathlib import Path
 from typing import Final
 
+from interplan_sumo.batch.processes import available_cores
 from interplan_sumo.batch.records import JobKey
 from interplan_sumo.batch.run_folder import StoredRun, read_run
 from interplan_sumo.batch.stored_drive import StoredDrives
@@ -106,7 +106,7 @@ def replay_jobs(table: ResultsTable, runs: Sequence[StoredRun], page: Path, whic
 
 def _made(jobs: Sequence[ReplayJob]) -> Iterator[str | None]:
     """Make the pages; for each, as it is ready, what went wrong, if anything."""
-    workers = min(cpu_count() or 1, len(jobs)) if len(jobs) > ALONE else 1
+    workers = min(available_cores(), len(jobs)) if len(jobs) > ALONE else 1
     if workers == 1:
         yield from map(make_replay, jobs)
         return

@@ -118,11 +118,13 @@ def _chat_url(spec: str) -> LanguageModel:
 
 
 def _replay(file: Path, wanted: str) -> LanguageModel:
-    """The answers of the one model in a file whose name begins as wanted."""
+    """The answers of the model in a file that is called as wanted, or else of the only one whose name begins so."""
     if not file.is_file():
         raise InputError(f"there are no recorded answers at {file}")
     answers = AnswerStore(file)
-    names = [name for name in answers.models if name.startswith(wanted)]
+    names = [name for name in answers.models if name == wanted] or [
+        name for name in answers.models if name.startswith(wanted)
+    ]
     if len(names) == 1:
         return StoredModel(names[0], answers, "replay")
     if not names:
@@ -134,6 +136,8 @@ def _recorded_name(spec: str) -> str:
     """How the name of a model begins under which its answers are kept, as far as it is known without opening it."""
     if spec.startswith("embedded"):
         return "embedded:"
+    if spec.startswith("scripted:"):
+        return unquote(spec)
     url, hash_, model = spec.partition("#")
     return f"{url.rstrip('/')}#{unquote(model)}" if hash_ else spec
 

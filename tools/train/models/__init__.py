@@ -1,1 +1,1 @@
-"""The recipes, one module per planner; `training.recipe.find_recipe` finds them by name."""
+"""The recipes, one module per planner; `tools.train.recipe.find_recipe` finds them by name."""

@@ -26,6 +26,8 @@ _FASTEST_MPS = 150.0
 
 # Signs of the German catalogue (VzKat): zone 30, town limits, home zone (walking pace, 7 km/h in Lanelet2's rules).
 _SIGNS_KMH = {"274": None, "274.1": 30.0, "310": 50.0, "311": 100.0, "325.1": 7.0, "325": 7.0}
+_SIGNS_WITH_KMH = ("274", "274.1")
+"""Those that hold a number; 274.2 ends a zone."""
 _SIGN = re.compile(r"de ?(\d{3}(?:[._]\d)?)(?:-(\d{1,3}))?")
 _PLAIN_SIGN = re.compile(r"(?:speed_?limit|maxspeed)[_ -]?(\d{1,3})")
 
@@ -73,7 +75,7 @@ def sign_mps(text: str) -> float | None:
     sign = _SIGN.fullmatch(low)
     if sign:
         code = sign[1].replace("_", ".")
-        kmh = float(sign[2]) if sign[2] and code.startswith("274") else _SIGNS_KMH.get(code)
+        kmh = float(sign[2]) if sign[2] and code in _SIGNS_WITH_KMH else _SIGNS_KMH.get(code)
         return None if kmh is None else _plausible(kmh * KMH)
     plain = _PLAIN_SIGN.fullmatch(low)
     return speed_mps(plain[1] if plain else low)
