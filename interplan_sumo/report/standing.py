@@ -6,7 +6,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from statistics import median
 
-from interplan_sumo.statistics.detection import Contrast, RowPair, contrasts, least_detectable_difference, row_pairs
+from interplan_sumo.statistics.detection import (
+    SIGNIFICANCE,
+    Contrast,
+    RowPair,
+    contrasts,
+    least_detectable_difference,
+    row_pairs,
+)
 from interplan_sumo.statistics.intervals import POINTS, MeanEstimate, mean_estimate, unpaired_difference
 from interplan_sumo.statistics.scene_values import DriveValues, mean_over_scenes
 
@@ -38,6 +45,14 @@ class Standing:
     contrasts: tuple[Contrast, ...]
     detectable: Mapping[str, DetectableDifference]
     """By column, without those where no two scenes differ."""
+
+    @property
+    def too_few(self) -> int | None:
+        """How many scenes there are, if among so many pairs they tell nobody apart, however much who differs."""
+        least_p = min((each.pair.estimate.least_p for each in self.contrasts), default=0.0)
+        if least_p * len(self.contrasts) < SIGNIFICANCE:
+            return None
+        return max(each.pair.estimate.scenes for each in self.contrasts)
 
     @property
     def alike(self) -> list[int]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from interplan_sumo.errors import counted
 from interplan_sumo.report.standing import DetectableDifference, Standing
 from interplan_sumo.report.table import Column, ResultsTable
 from interplan_sumo.report.text import points_text, rounded
@@ -107,6 +108,11 @@ def alike_note(held: Standing, labels: Sequence[str]) -> list[str]:
     how = f"(paired bootstrap over scenarios, Holm over {len(held.contrasts)} pair{'s' * (len(held.contrasts) != 1)})"
     if not held.alike:
         return [f"Best: {best}. It can be told apart from every other line {how}."]
+    if held.too_few is not None:
+        pairs = len(held.contrasts)
+        few = f"{held.too_few} scenarios are too few to tell lines apart among {counted(pairs, 'pair')}"
+        alone = "; `compare` looks at two alone" if pairs > 1 else ""
+        return [f"Best: {best}. {few}, however much they differ{alone}."]
     names = [labels[line] for line in held.alike]
     if len(names) > 1 and not held.behind:
         return [f"Best: {best}. None of the other {len(names)} lines can be told apart from it {how}."]

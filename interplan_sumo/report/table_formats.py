@@ -210,7 +210,7 @@ def as_text(
     return Group(*parts)
 
 
-def _scores(table: ResultsTable, width: int, paper: bool) -> Grid:
+def _scores(table: ResultsTable, width: int, paper: bool) -> Group:
     """The figures of the table, the paper's rows below ours."""
     shown = [c for c in shown_columns(table, paper=paper) if paper or table.asked(c)]
     rows = [[line.label, *(cell_text(line.cells[c.key]) for c in shown)] for line in table.lines]
@@ -231,16 +231,35 @@ def _where_points_went(table: ResultsTable, width: int) -> list[RenderableType]:
     return [heading, _fitted(["planner", *columns], rows, width=width)] if columns else []
 
 
-def _fitted(titles: list[str], ours: list[list[str]], others: Sequence[list[str]] = (), *, width: int) -> Grid:
-    """A row per planner where that fits into `width`, else a column per planner."""
+def _fitted(titles: list[str], ours: list[list[str]], others: Sequence[list[str]] = (), *, width: int) -> Group:
+    """A row per planner where that fits into `width`, else a column per planner, else some of the columns at a time."""
     rows = [titles, *ours, *others]
-    upright = sum(max(map(len, column)) + 3 for column in zip(*rows, strict=True)) + 1 <= width
-    grid = Grid(header_style="bold")
-    for number, title in enumerate(titles if upright else [row[0] for row in rows]):
-        grid.add_column(Text(title), justify="right" if number else "left", overflow="fold", no_wrap=upright)
-    for number, row in enumerate(rows[1:] if upright else list(zip(*rows, strict=True))[1:], start=1):
-        style = "dim" if upright and number > len(ours) else ""
-        grid.add_row(*(Text(text, style=style) for text in row), end_section=upright and number == len(ours))
+    turned = [list(column) for column in zip(*rows, strict=True)]
+    if _wide(rows) > width >= _wide(turned):
+        return Group(_grid(turned, len(turned), width))
+    parts, first = list[Grid](), 1
+    while first < len(titles):
+        end = first + 1
+        while end < len(titles) and _wide([[row[0], *row[first : end + 1]] for row in rows]) <= width:
+            end += 1
+        parts.append(_grid([[row[0], *row[first:end]] for row in rows], len(ours), width))
+        first = end
+    return Group(*parts)
+
+
+def _wide(rows: Sequence[Sequence[str]]) -> int:
+    """How many characters a grid of these rows takes."""
+    return sum(max(map(len, column)) + 3 for column in zip(*rows, strict=True)) + 1
+
+
+def _grid(rows: Sequence[Sequence[str]], ours: int, width: int) -> Grid:
+    """Rows under their titles, the first; those behind the first `ours` are others'. What is too wide is folded."""
+    grid, fits = Grid(header_style="bold"), _wide(rows) <= width
+    for number, title in enumerate(rows[0]):
+        grid.add_column(Text(title), justify="right" if number else "left", overflow="fold", no_wrap=fits)
+    for number, row in enumerate(rows[1:], start=1):
+        style = "dim" if number > ours else ""
+        grid.add_row(*(Text(text, style=style) for text in row), end_section=number == ours)
     return grid
 
 

@@ -107,13 +107,17 @@ class MeanEstimate:
 
         Where nothing varies, twice the chance to see no other scene if there are
         as many as it takes to make the mean 0. Below 0.05 only if the interval leaves
-        out 0; but never below 2^(1 - scenes), which is what a sign test can reach:
-        fewer than six scenes prove nothing, however equal they are.
+        out 0, but never below `least_p`.
         """
         if abs(self.value) <= SAME:
             return 1.0
         share = self._share_unseen() if self.standard_error == 0.0 else self._share_beyond()
-        return min(1.0, max(2.0 * share, 2.0 ** (1 - min(self.scenes, 1000))))
+        return min(1.0, max(2.0 * share, self.least_p))
+
+    @property
+    def least_p(self) -> float:
+        """2^(1 - scenes), what a sign test can reach: fewer than six scenes prove nothing, however equal they are."""
+        return 2.0 ** (1 - min(self.scenes, 1000))
 
     def _share_unseen(self) -> float:
         farthest = self.ends[1] - self.limits[0] if self.value > 0.0 else self.limits[1] - self.ends[0]

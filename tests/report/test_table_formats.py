@@ -220,7 +220,28 @@ def test_under_the_table_stands_what_it_can_tell() -> None:
     few = make_table(
         [stored(*(drive(f"nudge/{n}", s, planner=name) for name, s in (("a", 0.1), ("b", 0.9)) for n in range(5)))]
     )
-    assert "Best: b. Not to be told apart from it (paired bootstrap over scenarios, Holm over 1 pair): a." in text(few)
+    said = " ".join(text(few).split())
+    assert "Best: b. 5 scenarios are too few to tell lines apart among 1 pair, however much they differ." in said
+
+
+@pytest.mark.parametrize("width", [60, 80, 120, 200])
+def test_many_lines_beside_the_papers_stand_in_several_tables_where_one_is_too_wide(width: int) -> None:
+    rows = [drive(f"nudge/{n}", 0.5, planner=f"planner_{at}") for at in range(14) for n in range(2)]
+    console = Console(file=io.StringIO(), width=width)
+    console.print(as_text(make_table([stored(*rows)]), width=width, paper=True))
+    lines = console.file.getvalue().splitlines()  # type: ignore[attr-defined]
+    assert max(map(len, lines)) <= width
+    tables = sum("planner_0 " in line for line in lines)
+    assert tables == sum("PDM-Closed (paper)" in line for line in lines) == sum("planner  " in line for line in lines)
+    assert (tables == 1) == (width == 200)
+
+
+@pytest.mark.parametrize(("lines", "too_few"), [(4, False), (5, True)])
+def test_where_scenes_are_too_few_for_so_many_lines_the_note_says_so(lines: int, too_few: bool) -> None:
+    rows = [drive(f"nudge/{n}", 0.2 * at, planner=f"p{at}") for at in range(lines) for n in range(8)]
+    said = " ".join(text(make_table([stored(*rows)])).split())
+    words = "8 scenarios are too few to tell lines apart among 10 pairs, however much they differ; `compare` looks"
+    assert (words in said) == too_few
 
 
 def test_csv_has_the_bounds_beside_each_figure() -> None:
