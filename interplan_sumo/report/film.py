@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from math import ceil
 from pathlib import Path
+from textwrap import fill
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -34,6 +36,8 @@ WIDTH, HEIGHT, STRIP = 960, 400, 48
 """Pixels of the view of one drive, and of the two lines of words above it."""
 HEIGHT_OF_TWO: Final = 296
 PLANNER_CHARS: Final = 48
+LOST_CHARS: Final = 110
+"""Of a line of what was lost: it spans most of a film."""
 """Of a planner with its options, so that the legend has room beside it."""
 GIF_SHARE: Final = 0.75
 """GIFs are smaller: they compress worse."""
@@ -168,7 +172,7 @@ class _Stage:
         who = figure.text(edge, lower, f"{planner}, score {score}", fontsize=12, **said)
         self._legend(figure, who.get_window_extent().x1 / width + 2.0 * edge, lower)
         self._lost = figure.text(
-            0.5, (bottom + 16.0) / total, "", fontsize=11, ha="center", va="center", color="white", zorder=30,
+            0.5, (bottom + 8.0) / total, "", fontsize=11, ha="center", va="bottom", color="white", zorder=30,
             bbox={"facecolor": drawing.LOST, "edgecolor": "none", "boxstyle": "round,pad=0.5"},
         )  # fmt: skip
         self._lost.set_visible(False)
@@ -176,12 +180,11 @@ class _Stage:
     def _legend(self, figure: Figure, left: float, middle: float) -> None:
         """What the colours of the drivers say."""
         width = figure.bbox.width
-        for name in sorted({str(name) for name in self._shot.drive.trace.actors.behaviour if name}):
-            box = figure.text(
-                left, middle, "\N{BLACK SQUARE}", fontsize=12, va="center", color=self._shot.colours[name]
-            )
+        there = Counter({str(name) for name in self._shot.drive.trace.actors.behaviour if name})
+        for label, colour, _ in drawing.drivers_in_legend(there):
+            box = figure.text(left, middle, "\N{BLACK SQUARE}", fontsize=12, va="center", color=colour)
             left = box.get_window_extent().x1 / width + 4.0 / width
-            word = figure.text(left, middle, name, fontsize=10, va="center", color=INK)
+            word = figure.text(left, middle, label, fontsize=10, va="center", color=INK)
             left = word.get_window_extent().x1 / width + 14.0 / width
 
     def show(self, frame: int, view: View, road: Image, paper: Image) -> None:
@@ -198,7 +201,7 @@ class _Stage:
         self._shot.draw_frame(axes, frame, view)
         said, lost = self._shot.words(frame)
         self._time.set_text(said)
-        self._lost.set_text(lost)
+        self._lost.set_text(fill(lost, LOST_CHARS))
         self._lost.set_visible(bool(lost))
 
 

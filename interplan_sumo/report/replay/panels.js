@@ -208,8 +208,11 @@ function layerBoxes(data, look, layers, changed) {
 
 function legend(data, look) {
   const there = new Map();
+  const colours = Object.values(data.behaviours);
+  const shares = (name) => colours.filter((colour) => colour === data.behaviours[name]).length > 1;
   for (const agent of data.drives.flatMap((drive) => drive.agents)) {
-    const name = agent.behaviour || (LEGEND[agent.look] ?? agent.look);
+    const own = shares(agent.behaviour) ? "drivers, each its own type" : agent.behaviour;
+    const name = own || (LEGEND[agent.look] ?? agent.look);
     if (!there.has(name)) there.set(name, agent);
   }
   return [...there].sort(([a], [b]) => (a < b ? -1 : 1)).map(([name, agent]) => {
