@@ -114,6 +114,10 @@ class PlannerLoadError(InputError):
     """A planner that cannot be imported or built from the given name and options."""
 
 
+class PlannerChangedError(InputError):
+    """A planner was edited while it drove: nobody knows which of its versions a row would be of."""
+
+
 class RunFolderError(InputError):
     """A run folder that holds another benchmark, or that another run is using."""
 

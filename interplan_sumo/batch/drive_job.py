@@ -23,7 +23,7 @@ from interplan_sumo.batch.records import DriveAnswer, ModelUse, PlannerRecord, S
 from interplan_sumo.batch.run_folder import is_full, place_folder, trace_place
 from interplan_sumo.batch.stored_plans import StoredPlans
 from interplan_sumo.batch.tasks import Answer, Fault, KilledFromOutsideError, OpenGroup, Publish, Work
-from interplan_sumo.errors import InputError, PlannerError, RunFolderError, clean_line
+from interplan_sumo.errors import PlannerChangedError, PlannerError, RunFolderError, clean_line
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.metrics.metric import plain
 from interplan_sumo.metrics.profile import Profile
@@ -135,11 +135,11 @@ def _seats(settings: DriveSettings, name: str) -> Callable[[Job], PlannerSeat]:
 
 
 def _check_version(name: str, wanted: PlannerRecord) -> None:
-    """InputError for a planner that was edited during the run, or is another one on this machine."""
+    """PlannerChangedError for a planner that was edited during the run, or is another one on this machine."""
     source = PlannerSource.of(name)
     if source.hash != wanted.hash:
         files = changed_files(wanted.files, source.files)
-        raise InputError(
+        raise PlannerChangedError(
             f"planner {name!r} is not the one that this run began with: {files[0] if files else 'its options'} "
             "differs; what was driven is kept: repeat the command"
         )

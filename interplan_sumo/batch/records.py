@@ -130,6 +130,8 @@ class WorkerAnswer(Struct, frozen=True, omit_defaults=True):
     """Whether the fault, or that a group cannot be opened, may be the doing of somebody else, who ended a process."""
     input_error: str | None = None
     """Why its group cannot be opened or a task not be done, whoever tries."""
+    changed: bool = False
+    """Whether that is because the group is not any more what it was."""
     value: dict[str, Any] = {}
     """What the task gave."""
     fault: Fault | None = None

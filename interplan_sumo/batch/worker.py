@@ -22,7 +22,7 @@ from interplan_sumo.batch.tasks import (
     SharedPhase,
     Work,
 )
-from interplan_sumo.errors import InputError, TrafficError
+from interplan_sumo.errors import InputError, PlannerChangedError, TrafficError
 from interplan_sumo.planner_process.deaths import KilledWhileBuiltError
 
 
@@ -80,8 +80,8 @@ def serve(
     try:
         work = open_group(group, publish)
     except InputError as error:
-        killed = isinstance(error, KilledWhileBuiltError)
-        _answer(line, WorkerAnswer(input_error=readable(str(error)), killed_from_outside=killed))
+        killed, changed = isinstance(error, KilledWhileBuiltError), isinstance(error, PlannerChangedError)
+        _answer(line, WorkerAnswer(input_error=readable(str(error)), killed_from_outside=killed, changed=changed))
         return
     except BaseException as error:
         why = f"planner {group!r} could not be built: {type(error).__name__}: {error}"

@@ -217,6 +217,27 @@ def test_a_planners_fault_is_a_zero_under_any_profile(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+def test_a_planner_that_is_edited_while_it_drives_ends_the_run_and_loses_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "edited_planner.py").write_text(
+        "from interplan_planners.straight_ahead import StraightAhead\n\n\n"
+        "class Edits(StraightAhead):\n"
+        "    def plan(self, observation):\n"
+        "        open(__file__, 'a').write('# and on\\n')\n"
+        "        raise ValueError('I was wrong')\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    asked = request(tmp_path / "run", "edited_planner:Edits", workers=1, limit=3)
+    with pytest.raises(InputError, match=r"is not the one that this run began with: edited_planner.py differs"):
+        run(asked)
+    stored = read_run(tmp_path / "run")
+    assert [row.fault and row.fault.message.partition(" (")[0] for row in stored.rows.values()] == [
+        "plan() raised ValueError: I was wrong"
+    ]
+
+
+@pytest.mark.slow
 def test_what_a_planner_printed_before_it_failed_is_kept(tmp_path: Path) -> None:
     (row,) = run(request(tmp_path, f"{RUDE}:Raises", workers=1)).rows.values()
     assert row.fault is not None
