@@ -128,6 +128,7 @@ def _check_motion(plan: Trajectory, ego: EgoState, now_s: float, is_even: bool) 
         count = max(1, ceil((last_s - first_s) / _SAMPLE_S - _TIME_SLACK_S))
         at_s = first_s + _SAMPLE_S * np.arange(count + 1)
         x, y = np.interp(at_s, plan.time_s, plan.x_m), np.interp(at_s, plan.time_s, plan.y_m)
+        _check_between(plan, at_s, x, y)
     step_x, step_y = x[1:] - x[:-1], y[1:] - y[:-1]
     squared = step_x * step_x + step_y * step_y
     i = int(squared.argmax())
@@ -137,3 +138,12 @@ def _check_motion(plan: Trajectory, ego: EgoState, now_s: float, is_even: bool) 
             f"the plan jumps {moved_m:.2f} m from {at_s[i]:.2f} to {at_s[i + 1]:.2f} s, "
             f"that is {moved_m / _SAMPLE_S:.4g} m/s (at most {FASTEST_MPS:g})"
         )
+
+
+def _check_between(plan: Trajectory, at_s: Floats, x: Floats, y: Floats) -> None:
+    """What lies between the samples is no farther from them than one can drive."""
+    off_x, off_y = plan.x_m - np.interp(plan.time_s, at_s, x), plan.y_m - np.interp(plan.time_s, at_s, y)
+    off_m = np.maximum(np.abs(off_x), np.abs(off_y))
+    i = int(off_m.argmax())
+    if off_m[i] > FASTEST_MPS * _SAMPLE_S + _ROUNDING_M:
+        raise PlannerError(f"the plan jumps {off_m[i]:.4g} m at {plan.time_s[i]:.3f} s, off the poses around it")

@@ -106,6 +106,19 @@ def test_a_jump_is_told_with_place_and_size() -> None:
     assert refused(plan(x_m=x_m)) == "the plan jumps 31.00 m from 7.50 to 7.60 s, that is 310 m/s (at most 60)"
 
 
+@pytest.mark.parametrize(("off_m", "fine"), [(5.9, True), (6.1, False), (1e100, False), (-1e300, False)])
+def test_a_spike_between_samples_is_a_jump(off_m: float, fine: bool) -> None:
+    time_s = 3.5 + 0.05 * np.arange(81)
+    x_m = 100.0 + 10.0 * (time_s - 3.5)
+    x_m[3:40:2] += off_m
+    if fine:
+        check_plan(plan(time_s=time_s, x_m=x_m), EGO, EGO.time_s)
+    else:
+        assert re.match(
+            r"the plan jumps \S+ m at 3\.65\d s, off the poses around it", refused(plan(time_s=time_s, x_m=x_m))
+        )
+
+
 def test_noise_between_close_samples_is_no_jump() -> None:
     time_s = np.sort(np.concatenate((np.linspace(3.5, 11.5, 81), np.linspace(3.55, 11.45, 80) + 1e-5)))
     noise = 0.01 * np.random.default_rng(1).normal(size=len(time_s))

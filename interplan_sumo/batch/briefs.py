@@ -35,6 +35,8 @@ class Brief(NamedTuple):
     """How often the planner asked a language model; None where it says nothing about that."""
     unanswered: int | None
     """How often in vain."""
+    tries: int
+    """As in rows."""
 
     @classmethod
     def of(cls, row: Row) -> Self:
@@ -83,6 +85,7 @@ class _BriefRow(Struct, kw_only=True):
     unsafe: bool | None = None
     beside: dict[str, Score] = {}
     planner_report: ModelUse | None = None
+    tries: int = 1
 
 
 def _brief(row: _BriefRow) -> Brief:
@@ -102,6 +105,7 @@ def _brief(row: _BriefRow) -> Brief:
         row.times_s.total,
         None if asked is None else asked.queries,
         None if asked is None else sum(asked.fallbacks.values()),
+        row.tries,
     )
 
 

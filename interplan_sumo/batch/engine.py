@@ -75,11 +75,17 @@ class _Bookkeeping:
     """By group."""
     outside_kills: dict[Hashable, int] = field(default_factory=dict)
     """By the key of the task."""
+    lost: dict[Hashable, int] = field(default_factory=dict)
+    """With their machine."""
     traffic_faults: dict[Hashable, int] = field(default_factory=dict)
     failed_openings: dict[str, int] = field(default_factory=dict)
     """By group, in a row."""
     opened: set[str] = field(default_factory=set[str])
     """Groups that a worker has opened."""
+
+    def tries(self, task: Task) -> int:
+        """How often a task that ends now was begun, as far as processes were killed."""
+        return 1 + min(self.outside_kills.get(task.key, 0), OUTSIDE_KILLS_FORGIVEN)
 
     def again(self, task: Task, counted: dict[Hashable, int], most: int) -> bool:
         """Put a task back in front, unless that was done `most` times for this reason; whether it was."""
@@ -108,18 +114,19 @@ def _settle(report: Report, pool: WorkerPool, state: _Bookkeeping) -> Outcome | 
     wall_s = time.monotonic() - worker.task_since_s
     fault = answer.fault
     if report.ending is not None:
-        if _from_outside(report.ending) and state.again(task, state.outside_kills, OUTSIDE_KILLS_FORGIVEN):
+        counted = state.lost if report.ending.lost is not None else state.outside_kills
+        if _from_outside(report.ending) and state.again(task, counted, OUTSIDE_KILLS_FORGIVEN):
             return None
         fault = _blame(report.ending)
     if fault is None:
-        return Outcome(task, answer.value, None, wall_s, printed=report.printed)
+        return Outcome(task, answer.value, None, wall_s, printed=report.printed, tries=state.tries(task))
     if worker in pool.workers:
         pool.stop(worker)  # after a fault nobody knows what state a process is in
     if answer.killed_from_outside and state.again(task, state.outside_kills, OUTSIDE_KILLS_FORGIVEN):
         return None
     if fault.kind == "traffic" and state.again(task, state.traffic_faults, TRAFFIC_RETRIES):
         return None
-    return Outcome(task, answer.value, fault, wall_s, answer.traceback, report.printed)
+    return Outcome(task, answer.value, fault, wall_s, answer.traceback, report.printed, state.tries(task))
 
 
 def _not_opened(report: Report, pool: WorkerPool, state: _Bookkeeping) -> Outcome | None:

@@ -167,7 +167,7 @@ class Row(Struct, frozen=True, kw_only=True, omit_defaults=True):
     """Metrics in the weighted mean."""
     fault: Fault | None
     official: bool
-    """Whether it is an official scenario, driven as it is."""
+    """Whether it is an official scenario, driven as it is, and at once."""
     overrides: AppliedOverrides
     perception: str
     """What the planner saw: `full`, or how it was worse than that."""
@@ -200,6 +200,8 @@ class Row(Struct, frozen=True, kw_only=True, omit_defaults=True):
     """Of a fault of ours."""
     printed: str = ""
     """The end of what the worker printed, after a fault."""
+    tries: Annotated[int, Meta(ge=1)] = 1
+    """How often it was begun: a process was killed, by somebody else or by the planner that thought better of it."""
 
     def __post_init__(self) -> None:
         for name in (*self.gates, *self.weights):

@@ -211,7 +211,7 @@ def row_of_outcome(
         unsafe=None if sheet is None else sheet.unsafe,
         beside={} if sheet is None else sheet.beside,
         fault=fault,
-        official=official,
+        official=official and outcome.tries == 1,
         overrides=manifest.overrides,
         perception=job.scenario.perception,
         trace_hash=answer.trace_hash,
@@ -227,6 +227,7 @@ def row_of_outcome(
         planner_report=answer.planner_report,
         traceback=outcome.traceback,
         printed=outcome.printed if fault else "",
+        tries=outcome.tries,
     )
 
 

@@ -47,6 +47,8 @@ class Outcome:
     """Of a fault of ours."""
     printed: str = ""
     """The end of what its process printed."""
+    tries: int = 1
+    """How often it was begun, if a process was killed and nobody knows by whom."""
 
 
 Publish = Callable[[str], None]

@@ -92,6 +92,6 @@ _HOW = {
 def _reason(facts: Facts, at_fault: list[Collision]) -> str:
     first = at_fault[0]
     what = first.kind.words
-    where = f"{_HOW[first.contact.value]} {what} {first.track}"
     more = f" and {len(at_fault) - 1} more" if len(at_fault) > 1 else ""
-    return f"{where} at {facts.time_s[first.frame]:.1f} s, {ego_doing(facts, first.frame)}{more}"
+    where = f"{_HOW[first.contact.value]} {what} {first.track}{more}"
+    return f"{where} at {facts.time_s[first.frame]:.1f} s, {ego_doing(facts, first.frame)}"

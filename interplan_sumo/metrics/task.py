@@ -57,7 +57,7 @@ def outcome(facts: Facts) -> TaskOutcome:
     if reaches_line and not at_line:
         undone.append(f"the goal line was still {goal_m - float(ego[-1]) if len(ego) else goal_m:.1f} m ahead")
     elif not reaches_line and ego_m < SHORT_OF_LINE_SHARE * certificate_m:
-        undone.append(f"it came {ego_m:.1f} m far, the certificate {certificate_m:.1f} m")
+        undone.append(f"it came {ego_m:.1f} m far, the reference drive {certificate_m:.1f} m")
     if (at_line or not reaches_line) and (missed := _lane_missed(facts, anywhere=not reaches_line)):
         undone.append(f"it passed the goal line but {missed}" if at_line else f"it {missed}")
     if facts.obstacle_corners and (short_m := -float(obstacle_passed(facts).detail["best_margin_m"])) >= 0.0:
@@ -109,7 +109,7 @@ def strict_progress(facts: Facts) -> MetricResult:
     found = outcome(facts)
     ratio = progress_ratio(found.ego_m, found.certificate_m)
     if not found.done:
-        reason = f"came {found.ego_m:.1f} m of the certificate's {found.certificate_m:.1f} m; {how_it_went(facts)}"
+        reason = f"came {found.ego_m:.1f} m of the reference drive's {found.certificate_m:.1f} m; {how_it_went(facts)}"
         return MetricResult(ratio, {"ratio": ratio}, reason=reason if ratio < 1.0 else None)
     own_s = float(facts.time_s[-1]) if facts.frames else 0.0
     times = facts.expert.time_us
@@ -117,5 +117,5 @@ def strict_progress(facts: Facts) -> MetricResult:
     score = min(1.0, SLACK * certificate_s / own_s) if found.reaches_line and own_s > 0.0 else 1.0
     reason = None
     if score < 1.0:
-        reason = f"took {own_s:.1f} s, the certificate {certificate_s:.1f} s; {how_it_went(facts)}"
+        reason = f"took {own_s:.1f} s, the reference drive {certificate_s:.1f} s; {how_it_went(facts)}"
     return MetricResult(score, {"own_s": own_s, "certificate_s": certificate_s}, reason=reason)

@@ -19,7 +19,7 @@ TIE = 1e-6
 """Scores, 0 to 1, this close are equal: scores of one drive agree to this across machines."""
 WAY_OUT = {
     "suite": "only drives of one suite can be compared",
-    "suite_hash": "the suite has changed in between: drive both with one version",
+    "suite_hash": "their scenes are not the same: drive both on one version of them",
     "traffic_version": "the traffic drives otherwise since: drive both with one version",
     "profile": "--profile NAME scores both again",
     "scoring_version": "--profile NAME scores both again",

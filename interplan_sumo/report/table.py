@@ -179,6 +179,8 @@ class Line:
     """How often the planner asked a language model."""
     unanswered: int
     """How often in vain: then it fell back on something else, and the score says less about the model."""
+    begun_again: int
+    """How many drives were begun more than once, because a process was killed."""
     verified: int
     """How many rows came again from their stored plans and have not changed since."""
 
@@ -281,7 +283,7 @@ def _line(driven: Sequence[DrivenRun], columns: Sequence[Column], planner: str, 
     families: dict[str, set[str]] = {}
     faults: Counter[str] = Counter()
     official = not overrides
-    questions = unanswered = verified = 0
+    questions = unanswered = again = verified = 0
     for each in driven:
         for key in each.keys[planner]:
             drive = each.briefs.get(key)
@@ -296,6 +298,7 @@ def _line(driven: Sequence[DrivenRun], columns: Sequence[Column], planner: str, 
             families.setdefault(drive.family, set()).add(key[0])
             official = official and drive.official
             questions, unanswered = questions + (drive.questions or 0), unanswered + (drive.unanswered or 0)
+            again += drive.tries > 1
             verified += key in each.verified
             if drive.fault:
                 faulty.append(rows[-1])
@@ -316,6 +319,7 @@ def _line(driven: Sequence[DrivenRun], columns: Sequence[Column], planner: str, 
         official=official,
         questions=questions,
         unanswered=unanswered,
+        begun_again=again,
         verified=verified,
     )
     return line, {key: drives for key, (drives, _, _) in values.items()}

@@ -166,6 +166,12 @@ def notes(table: ResultsTable, *, paper: bool = False) -> list[str]:
     if any(line.overrides for line in table.lines):
         note = "were run with another traffic or perception: not comparable with official ones."
         found.append(f"Rows in square brackets {note}")
+    for line in table.lines:
+        if line.begun_again:
+            found.append(
+                f"{line.label}: {counted(line.begun_again, 'drive')} begun again after a process was killed, which a "
+                f"planner may do itself: not official. --redo {line.planner} drives its rows anew."
+            )
     found.append(_verified_note(table))
     for line in table.lines:
         if line.questions:
@@ -186,6 +192,8 @@ def _verified_note(table: ResultsTable) -> str:
     verified = sum(line.verified for line in table.lines)
     rows = sum(len(line.rows) for line in table.lines)
     way = "" if verified == rows else " (interplan-sumo verify DIR --all)"
+    if not verified:
+        return f"Not verified yet: no drive has been made again from its stored plans{way}."
     return f"Verified: {verified} of {rows} drives came again from their stored plans{way}."
 
 

@@ -233,7 +233,7 @@ def test_a_task_done_slowly_loses_quality():
     assert strict_progress(judged(drive(*[8.04] * 252, start=AT_START))).score == pytest.approx(1.0, abs=0.002)
     slow = strict_progress(judged(drive(*[6.7] * 301, start=AT_START)))
     assert slow.score == pytest.approx(1.25 * 20.1 / 30.0)
-    assert "took 30.0 s, the certificate 20.1 s" in str(slow.reason)
+    assert "took 30.0 s, the reference drive 20.1 s" in str(slow.reason)
 
 
 def test_an_undone_task_counts_by_the_way():

@@ -161,7 +161,7 @@ def test_drives_without_a_score_on_one_side_are_named_and_left_out():
     ("what", "value", "words"),
     [
         ("suite", "common==1", "has suite smoke==1"),
-        ("suite_hash", "2", "the suite has changed in between"),
+        ("suite_hash", "2", "their scenes are not the same"),
         ("traffic_version", 3, "the traffic drives otherwise since"),
         ("profile", "nuplan", "--profile NAME scores both again"),
         ("versions", {"scoring": "2"}, "runs/after has 2; --profile NAME scores both again"),
