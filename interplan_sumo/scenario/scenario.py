@@ -40,6 +40,8 @@ LARGEST_GAP_M: dict[str, float] = {"rare": 900.0, "sparse": 400.0, "low": 100.0,
 uniform from 10 m up to these."""
 SMALLEST_GAP_M = 10.0
 SITE_BIN_M = 10.0
+LONGEST_S, FASTEST_MPS, LARGEST_M = 3600.0, 60.0, 100.0
+"""Durations, speeds, sizes and distances from a lane are no larger."""
 ADDED_LATER = frozenset({"replayed", "lights", "past", "perception", "light_time_s"})
 """Fields of Scenario that came after suites had been frozen: a scenario without them keeps the hash that it had."""
 
@@ -213,16 +215,13 @@ class Scenario:
     """
 
     def __post_init__(self) -> None:
-        if self.duration_s <= 0 or abs(self.duration_s * 10 - round(self.duration_s * 10)) > 1e-9:
+        self._check_measures()
+        if abs(self.duration_s * 10 - round(self.duration_s * 10)) > 1e-9:
             raise ScenarioError(f"{self.id}: duration_s is {self.duration_s}, expected a positive multiple of 0.1 s")
         try:
             object.__setattr__(self, "perception", perception_named(self.perception))
         except UnknownNameError as error:
             raise ScenarioError(f"{self.id}: {error}") from None
-        if not np.isfinite(self.start_speed_mps) or self.start_speed_mps < 0:
-            raise ScenarioError(f"{self.id}: start_speed_mps is {self.start_speed_mps}, expected 0 or more")
-        if not np.isfinite(self.light_time_s) or self.light_time_s < 0:
-            raise ScenarioError(f"{self.id}: light_time_s is {self.light_time_s}, expected 0 or more")
         if not self.route:
             raise ScenarioError(f"{self.id}: route is empty, expected the roadblock ids from start to goal")
         for i, obstacle in enumerate(self.obstacles):
@@ -230,8 +229,10 @@ class Scenario:
                 known = ", ".join(OBSTACLES)
                 raise ScenarioError(f"{self.id}: obstacles[{i}].kind is {obstacle.kind!r}, expected one of {known}")
             size_m = (*obstacle.size_m, obstacle.tall_m)
-            if not all(np.isfinite(size) and size > 0.0 for size in size_m):
-                raise ScenarioError(f"{self.id}: obstacles[{i}] has the size {size_m}, expected positive metres")
+            if not all(0.0 < size <= LARGEST_M for size in size_m):
+                raise ScenarioError(
+                    f"{self.id}: obstacles[{i}] has the size {size_m}, expected more than 0 and at most {LARGEST_M:g} m"
+                )
         for i, walker in enumerate(self.jaywalkers):
             if walker.kind not in WALKERS:
                 known = ", ".join(WALKERS)
@@ -252,8 +253,6 @@ class Scenario:
             if vehicle.kind not in VEHICLE_KINDS:
                 known = ", ".join(VEHICLE_KINDS)
                 raise ScenarioError(f"{self.id}: vehicles[{i}].kind is {vehicle.kind!r}, expected one of {known}")
-            if not (np.isfinite(vehicle.speed_mps) and vehicle.speed_mps >= 0.0):
-                raise ScenarioError(f"{self.id}: vehicles[{i}].speed_mps is {vehicle.speed_mps}, expected 0 or more")
             if vehicle.place.left_m != 0.0 and vehicle.kind not in SLOW_KINDS:
                 raise ScenarioError(
                     f"{self.id}: vehicles[{i}].place.left_m is {vehicle.place.left_m}, expected 0: vehicles start on "
@@ -268,6 +267,28 @@ class Scenario:
                 raise ScenarioError(
                     f"{self.id}: traffic.{name} is {density!r}, expected none, {', '.join(LARGEST_GAP_M)}"
                 )
+
+    def _check_measures(self) -> None:
+        """No number is one that nobody can have meant."""
+        walkers = [(f"jaywalkers[{i}]", place) for i, each in enumerate(self.jaywalkers) for place in each.places]
+        places = [
+            ("start", self.start),
+            ("goal", self.goal),
+            *((f"obstacles[{i}].place", each.place) for i, each in enumerate(self.obstacles)),
+            *walkers,
+            *((f"vehicles[{i}].place", each.place) for i, each in enumerate(self.vehicles)),
+        ]
+        measures = [
+            ("duration_s", self.duration_s, 0.1, LONGEST_S),
+            ("start_speed_mps", self.start_speed_mps, 0.0, FASTEST_MPS),
+            ("light_time_s", self.light_time_s, 0.0, LONGEST_S),
+            *((f"{name}.left_m", place.left_m, -LARGEST_M, LARGEST_M) for name, place in places),
+            *((f"obstacles[{i}].turned_rad", each.turned_rad, -7.0, 7.0) for i, each in enumerate(self.obstacles)),
+            *((f"vehicles[{i}].speed_mps", each.speed_mps, 0.0, FASTEST_MPS) for i, each in enumerate(self.vehicles)),
+        ]
+        for name, value, least, most in measures:
+            if not least <= value <= most:
+                raise ScenarioError(f"{self.id}: {name} is {value}, expected {least:g} to {most:g}")
 
     def _check_replayed(self) -> None:
         """Recorded road users mind nobody, so there is nobody who would have to mind them but the ego."""

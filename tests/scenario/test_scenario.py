@@ -28,6 +28,19 @@ def staged(goal_lane: str = "51", start_lane: str = "13") -> Scenario:
         ({"duration_s": 3.05}, "multiple of 0.1 s"),
         ({"start_speed_mps": -1.0}, "start_speed_mps is -1.0"),
         ({"start_speed_mps": float("nan")}, "start_speed_mps is nan"),
+        ({"start_speed_mps": 60.1}, "start_speed_mps is 60.1, expected 0 to 60"),
+        ({"duration_s": 3600.1}, "duration_s is 3600.1, expected 0.1 to 3600"),
+        ({"duration_s": 0.0}, "duration_s is 0.0, expected 0.1 to 3600"),
+        ({"light_time_s": 1e300}, "light_time_s is 1e.300, expected 0 to 3600"),
+        ({"start": LanePosition("11", 20.0, 1e300)}, r"start.left_m is 1e.300, expected -100 to 100"),
+        (
+            {"obstacles": (Obstacle(LanePosition("11", 60.0), turned_rad=1e308),)},
+            r"obstacles\[0\].turned_rad is 1e.308, expected -7 to 7",
+        ),
+        (
+            {"obstacles": (Obstacle(LanePosition("11", 60.0), length_m=101.0),)},
+            r"has the size .*, expected more than 0 and at most 100 m",
+        ),
         ({"route": ()}, "route is empty"),
         (
             {"traffic": TrafficDemand(density=cast(Any, "dense"))},
