@@ -54,7 +54,7 @@ def check_traffic(path: Path, situations: Sequence[Situation] = SITUATIONS) -> T
 
 def _check(types: VehicleTypes, driver: VehicleType, situations: Sequence[Situation]) -> TypeCheck:
     element = types.elements[driver.id]
-    idle = tuple(idle_attributes(element.attributes, element.model))
+    idle = tuple(idle_attributes(element.attributes, element.model, element.parameters))
     names = {each.attribute for each in idle} | _NAMING
     given = {**element.attributes, **element.parameters}
     answers: dict[str, Answer] = {}

@@ -5,6 +5,7 @@ Found by driving pairs of files that differ in one attribute (tools/vehicle_type
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
@@ -56,6 +57,12 @@ CANNOT_RUN: Final[Mapping[str, str]] = {
     "SmartSK": "never speeds up in SUMO 1.28, not even from a standstill",
 }
 """Car-following models that are refused, and why."""
+LANE_CHANGE_CANNOT_RUN: Final[Mapping[str, str]] = {
+    "DK2008": "cannot be told whether to change, as vehicles are here that make way for the ego",
+}
+"""Lane-change models that are refused, and why."""
+_PARAMETERS: Final = re.compile(r"interplan\..*|has\..+\.device|device\..+")
+"""Parameters of a vType that somebody reads: we, and SUMO's devices."""
 CLASSES_ON_ROADS: Final = frozenset(
     "private emergency authority army vip hov passenger taxi bus coach delivery truck trailer motorcycle moped bicycle "
     "scooter evehicle custom1 custom2 ignoring".split()
@@ -82,8 +89,8 @@ class Idle:
     reason: str
 
 
-def idle_attributes(attributes: Iterable[str], model: str) -> Iterator[Idle]:
-    """Those of a vType's attributes that cannot act here, given its car-following model."""
+def idle_attributes(attributes: Iterable[str], model: str, parameters: Iterable[str] = ()) -> Iterator[Idle]:
+    """Those of a vType's attributes and parameters that cannot act here, given its car-following model."""
     reasons = {name: reason for group in (UNUSED, WITHOUT_EFFECT) for reason, names in group.items() for name in names}
     models, of_schema = car_following_models(), vehicle_type_schema().models
     of_models = frozenset().union(*models.values(), *of_schema.values()) - GENERIC
@@ -95,3 +102,6 @@ def idle_attributes(attributes: Iterable[str], model: str) -> Iterator[Idle]:
             others = [each for each in CANNOT_RUN if name in of_schema.get(each, ())]
             only = ", ".join(readers) or f"{', '.join(others)}, which cannot run here"
             yield Idle(name, f"{model} does not read it, only {only}")
+    for name in parameters:
+        if not _PARAMETERS.fullmatch(name):
+            yield Idle(name, "of the parameters of a vType SUMO reads those of devices only")

@@ -19,6 +19,7 @@ from interplan_sumo.simulation.number_distributions import NOTATION, NumberDistr
 from interplan_sumo.simulation.vehicle_type_effects import (
     CANNOT_RUN,
     CLASSES_ON_ROADS,
+    LANE_CHANGE_CANNOT_RUN,
     OTHER_CLASSES,
     car_following_models,
     idle_attributes,
@@ -261,6 +262,9 @@ class _Reader(ContentHandler):
         if model not in models:
             hint = _guess(model, models) or f"; known: {', '.join(models)}"
             raise self._error(f"carFollowModel is {_short(model)!r}, which SUMO has not{hint}")
+        changes = values.get("laneChangeModel", "")
+        if changes in LANE_CHANGE_CANNOT_RUN:
+            raise self._error(f"laneChangeModel {changes} {LANE_CHANGE_CANNOT_RUN[changes]}; take another one")
         kind = values.get("vClass", "passenger")
         if kind in OTHER_CLASSES:
             raise self._error(f"vClass is {kind!r}, which does not drive on roads")
@@ -274,7 +278,7 @@ class _Reader(ContentHandler):
                 raise self._error(f"{key} has {many} numbers and speedTable {speeds}; they belong in pairs")
         if (spread := self._speed_spread(element)) is not None:
             element.spreads["speedFactor"] = spread
-        self._note(values, model, element.line)
+        self._note(values, model, element.line, element.parameters)
 
     def _table(self, key: str, text: str) -> int:
         numbers = text.split()
@@ -302,9 +306,9 @@ class _Reader(ContentHandler):
             what = f"speedFactor {given.first:g} with speedDev {deviation:g}"
             raise self._error(f"{what} is hardly ever from {given.lowest:g} to {given.highest:g}") from None
 
-    def _note(self, attributes: Mapping[str, str], model: str, line: int) -> None:
+    def _note(self, attributes: Iterable[str], model: str, line: int, parameters: Iterable[str] = ()) -> None:
         """Remember what cannot act."""
-        for idle in idle_attributes(attributes, model):
+        for idle in idle_attributes(attributes, model, parameters):
             self._warned.setdefault(idle.reason, (line, {}))[1][idle.attribute] = None
 
     def result(self) -> VehicleTypeDocument:

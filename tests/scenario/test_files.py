@@ -99,7 +99,10 @@ NAMES = st.text(st.characters(exclude_categories=("Cs",)), min_size=1, max_size=
 
 
 @settings(max_examples=50)
-@given(names=st.lists(NAMES, min_size=4, max_size=4), numbers=st.tuples(NUMBERS, NUMBERS, NUMBERS))
+@given(
+    names=st.lists(NAMES, min_size=4, max_size=4),
+    numbers=st.tuples(NUMBERS, st.floats(-100.0, 100.0), st.floats(-7.0, 7.0)),
+)
 def test_any_name_and_number_is_read_again_with_the_same_hash(names: list[str], numbers: tuple[float, ...]) -> None:
     place = LanePosition(names[0], *numbers[:2])
     scenario = replace(

@@ -322,6 +322,19 @@ def test_what_cannot_act_is_warned_of_in_one_line_each(tmp_path: Path, attribute
     assert all(text in line for text, line in zip(warned, found, strict=True))
 
 
+def test_a_parameter_that_nobody_reads_is_warned_of(tmp_path: Path) -> None:
+    keys = ("foo.bar", "has.battery.device", "device.battery.capacity", "interplan.courtesy")
+    inner = "".join(f'<param key="{key}" value="1"/>' for key in keys)
+    found = read_vehicle_types(file(tmp_path, f'<additional><vType id="traffic">{inner}</vType></additional>'))
+    (warning,) = found.warnings
+    assert "foo.bar cannot act: of the parameters of a vType SUMO reads those of devices only" in warning
+
+
+def test_a_lane_change_model_that_cannot_be_told_anything_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(VehicleTypeError, match=r"line \d+: laneChangeModel DK2008 cannot be told .*; take another one"):
+        read_vehicle_types(one(tmp_path, 'laneChangeModel="DK2008"'))
+
+
 def test_the_shipped_files_have_nothing_that_cannot_act() -> None:
     for path in routes_root().glob("*.xml"):
         assert read_vehicle_types(path).warnings == ()
