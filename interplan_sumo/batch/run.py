@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import platform
-import signal
-import threading
 import time
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import FrameType
 from typing import Protocol
 
 from interplan_sumo.batch.backend import drive_answer, drive_outcomes
@@ -24,6 +21,7 @@ from interplan_sumo.batch.run_folder import RunFolder, StoredRun, read_run
 from interplan_sumo.batch.tasks import Outcome, Task
 from interplan_sumo.batch.versions import scored_versions
 from interplan_sumo.errors import InputError, UnknownNameError, clean_line, counted
+from interplan_sumo.interruption import terminated_like_interrupted
 from interplan_sumo.maps.store import find_map, load_roads
 from interplan_sumo.metrics.profile import DEFAULT_PROFILE, find_profile
 from interplan_sumo.planner import RECOMMENDED, Planner, find_planner
@@ -84,7 +82,7 @@ def run(
         _keep_inputs(folder, plan, options)
         tasks = [Task(job.key, job.planner, job) for job in left]
         driven = drive_outcomes(tasks, plan.settings, options.who, options.limits)
-        with _terminated_like_interrupted(), contextlib.closing(driven) as outcomes:
+        with terminated_like_interrupted(), contextlib.closing(driven) as outcomes:
             for row in _rows(outcomes, plan):
                 kept = folder.append(row)
                 if watch is not None:
@@ -229,23 +227,3 @@ def row_of_outcome(
         printed=outcome.printed if fault else "",
         tries=outcome.tries,
     )
-
-
-@contextlib.contextmanager
-def _terminated_like_interrupted() -> Generator[None]:
-    """SIGTERM (a batch system's polite end) inside the block does what Ctrl-C does."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-
-    def interrupt(_signal: int, frame: FrameType | None) -> None:
-        answer = signal.getsignal(signal.SIGINT)
-        if callable(answer):
-            answer(signal.SIGINT, frame)  # what tells Ctrl-C from a planner's own KeyboardInterrupt must see this, too
-        raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGTERM, interrupt)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)

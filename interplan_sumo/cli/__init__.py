@@ -41,6 +41,7 @@ from interplan_sumo.cli.sweep import sweep
 from interplan_sumo.cli.traffic import traffic_app
 from interplan_sumo.cli.verify import verify
 from interplan_sumo.errors import InputError, InterplanError
+from interplan_sumo.interruption import terminated_like_interrupted
 from interplan_sumo.report.printing import print_json
 
 app = typer.Typer(name="interplan-sumo", rich_markup_mode="rich", **LOOKS)
@@ -101,7 +102,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if os.getcwd() not in sys.path:  # planners of the folder one works in; last, so that nothing there hides a library
         sys.path.append(os.getcwd())
     try:
-        code = command_line()(args=given, prog_name="interplan-sumo", standalone_mode=False, obj=given)
+        with terminated_like_interrupted():
+            code = command_line()(args=given, prog_name="interplan-sumo", standalone_mode=False, obj=given)
         sys.stdout.flush()
         return int(code or DONE)
     except _UsageError as error:

@@ -50,6 +50,16 @@ def test_the_map_agrees_with_its_network_and_its_extract_and_carries_the_licence
     assert LICENCE in kept.notes
 
 
+@pytest.mark.parametrize(("lanes", "fine"), [("30", True), ("31", False), ("1000000", False), ("9" * 5000, False)])
+def test_a_slip_of_the_pen_makes_no_million_lanes(lanes: str, fine: bool, tmp_path: Path) -> None:
+    nodes = node(1, 0, 0) + node(2, 200, 0)
+    path = written(tmp_path, osm(nodes, way(3, (1, 2), highway="primary", lanes=lanes)))
+    if fine:
+        assert read_extract(path).roads == 1
+    else:
+        assert "way 3 has lanes=" in refusal(path, read_osm_extract)
+
+
 def test_a_street_whose_tags_change_beside_a_crossing_is_one_up_to_it(tmp_path: Path) -> None:
     """Else a street of decimetres is left between the two junctions, and the way through one of them leads back."""
     text = osm(

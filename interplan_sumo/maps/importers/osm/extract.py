@@ -21,6 +21,8 @@ _FOR_CARS = frozenset(
     "unclassified residential living_street".split()
 )
 _NO_ROADS = frozenset(("service", "track"))
+MOST_LANES = 30
+"""Nobody has built a wider road; netconvert would make as many lanes as a slip of the pen says."""
 _ENOUGH_ROUNDABOUTS = 2
 """So many that turn one way, and none the other, outweigh the place."""
 _BINARY = (".pbf", ".o5m", ".bz2", ".zip", ".7z", ".xz")
@@ -101,6 +103,11 @@ def _count_way(found: OsmExtract, way: Element) -> None:
     found.driveways += kind in _NO_ROADS
     if kind in _FOR_CARS:
         found.roads += 1
+        for key, text in tags.items():
+            digits = text.strip().lstrip("0")
+            if key.startswith("lanes") and digits.isdecimal() and (len(digits) > 2 or int(digits) > MOST_LANES):
+                said = f"{way.get('id', '?')} has {key}={text if len(text) < 12 else f'{text[:9]}...'}"
+                raise MapError(f"{found.path}: way {said}, expected {MOST_LANES} at most; correct it")
         found.with_limit += any(key.startswith("maxspeed") for key in tags)
         if tags.get("driving_side") in ("left", "right"):
             found.sides[tags["driving_side"]] += 1
