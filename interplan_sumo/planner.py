@@ -187,9 +187,10 @@ def load_planner(spec: str) -> Planner:
         raise PlannerLoadError(f"planner {spec!r} could not be built: {told(error)}") from error
     for method in ("start", "plan"):
         if not callable(getattr(planner, method, None)):
-            raise PlannerLoadError(
-                f"planner {spec!r} has no method {method}(); a planner needs start(mission) and plan(observation)"
-            )
+            needs = "a planner needs start(mission) and plan(observation)"
+            if callable(getattr(planner, "compute_planner_trajectory", None)):
+                needs = f"one of nuPlan's is named nuplan:{spec}"
+            raise PlannerLoadError(f"planner {spec!r} has no method {method}(); {needs}")
     return planner
 
 

@@ -106,7 +106,11 @@ BROKEN = {
         r"could not be built: JSONDecodeError: .* \(fails_when_built.py:4 in __init__, fails_when_built.py:6 in a\)",
     ),
     "none": ("class Mines:\n    pass", "no class of module 'none' named 'Mine'. Did you mean 'Mines'"),
-    "no_planner": ("class Mine:\n    pass", r"has no method start\(\)"),
+    "no_planner": ("class Mine:\n    pass", r"has no method start\(\); a planner needs start\(mission\) and plan"),
+    "of_nuplan": (
+        "class Mine:\n    def compute_planner_trajectory(self, current_input): ...",
+        r"has no method start\(\); one of nuPlan's is named nuplan:of_nuplan:Mine",
+    ),
 }  # fmt: skip
 
 

@@ -45,7 +45,7 @@ def harden(
     plausibility: Annotated[
         float, typer.Option(help="The share of the family's own scenes that must be no more likely than it.")
     ] = 0.05,
-    budget: Annotated[int, typer.Option(help="Scenes to drive at most, of each family.")] = 2000,
+    budget: Annotated[int, typer.Option(help="Scenes to drive of each family, up to a batch of 16 more.")] = 2000,
     workers: Annotated[
         str | None,
         typer.Option(
