@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from interplan_sumo.batch.run_folder import slug
@@ -70,13 +70,22 @@ def own_expert(scenario: Scenario, run_folder: Path) -> EgoTrack:
     return EgoTrack.from_frame(track.to_frame(PACIFICA), PACIFICA)
 
 
-def missed_goals(scenarios: Iterable[Scenario], files: Iterable[str]) -> list[str]:
-    """A line for each scenario without a certificate whose goal line is out of reach in the time, even at the limit."""
-    certified = _certificates_beside(files)
+def reservations(scenarios: Sequence[Scenario], files: Iterable[str]) -> list[str]:
+    """What to know of scenarios before they are driven, in lines.
+
+    How many have no certificate, where others have one; and each of these whose
+    goal line is out of reach in the time, even at the limit.
+    """
+    known = _certificates_beside(files)
+    hashes = {id: each.summary.scenario_hash for id, each in known.items()}
+    bare = [each for each in scenarios if hashes.get(each.id) != each.hash()]
     said: list[str] = []
-    for scenario in scenarios:
-        if (known := certified.get(scenario.id)) and known.summary.scenario_hash == scenario.hash():
-            continue
+    if bare and len(bare) < len(scenarios):
+        said.append(
+            f"{len(bare)} of {len(scenarios)} scenarios have no certificate, such as {bare[0].id}: nobody is known to "
+            "solve them; they count all the same"
+        )
+    for scenario in bare:
         roads = load_roads(scenario.map, scenario.maps_beside)
         if not reaches_goal(roads, scenario, nominal_drive(roads, scenario)):
             said.append(

@@ -78,13 +78,13 @@ def say_what_cannot_act(vehicle_types: Path | None) -> None:
             print(f"warning: {line}", file=sys.stderr)
 
 
-def say_what_is_out_of_reach(options: RunOptions) -> None:
-    """Warnings about goal lines that nobody can pass in time, on stderr; InputError if the scenarios cannot be used."""
-    from interplan_sumo.batch.custom_references import missed_goals
+def say_reservations(options: RunOptions) -> None:
+    """Warnings about scenarios that nobody may be able to solve, on stderr; InputError if they cannot be used."""
+    from interplan_sumo.batch.custom_references import reservations
     from interplan_sumo.batch.jobs import Selection
 
     selection = Selection.of(options)
-    for line in () if selection.source.official else missed_goals(selection.scenarios, selection.files):
+    for line in () if selection.source.official else reservations(selection.scenarios, selection.files):
         print(f"warning: {line}", file=sys.stderr)
 
 

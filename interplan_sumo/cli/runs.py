@@ -21,8 +21,8 @@ from interplan_sumo.cli.options import (
     QuietOption,
     WorkersOption,
     run_folder,
+    say_reservations,
     say_what_cannot_act,
-    say_what_is_out_of_reach,
     take_one_thread,
     takes_run_options,
 )
@@ -50,7 +50,7 @@ def run(context: typer.Context, options: RunOptions, quiet: QuietOption = False,
         with progress(quiet=quiet, about=_about(options, folder)) as watch, stdout:  # planners here may print
             say_what_cannot_act(options.traffic)
             stored = batch.run(replace(options, out=folder), watch, command=command)
-            say_what_is_out_of_reach(options)
+            say_reservations(options)
     except KeyboardInterrupt:
         print(f"stopped; what was done is kept. Go on with: {shlex.join(command)}", file=sys.stderr)
         return INCOMPLETE

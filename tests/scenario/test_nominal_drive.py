@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from interplan_sumo.batch.custom_references import missed_goals
+from interplan_sumo.batch.custom_references import reservations
+from interplan_sumo.scenario.certificates import FILE, Certificate, Summary, write_certificates
 from interplan_sumo.scenario.files import write_scenarios
 from interplan_sumo.scenario.nominal_drive import ACROSS_MPS2, BRAKES_MPS2, nominal_drive, reaches_goal
 from interplan_sumo.scenario.scenario import LanePosition
@@ -52,5 +53,17 @@ def test_bends_and_lower_limits_are_met_slowly_enough():
 def test_a_goal_out_of_reach_is_told(tmp_path: Path):
     hasty = replace(PLAIN, id="mine/1", duration_s=2.0)
     write_scenarios((PLAIN, hasty), tmp_path / "mine.yaml")
-    (line,) = missed_goals((PLAIN, hasty), [str(tmp_path / "mine.yaml")])
+    (line,) = reservations((PLAIN, hasty), [str(tmp_path / "mine.yaml")])
     assert line.startswith("mine/1: at the limit the goal line takes more than 2 s")
+
+
+def test_scenes_without_a_certificate_are_told_where_others_have_one(tmp_path: Path):
+    scenes = (PLAIN, replace(PLAIN, id="mine/1"), replace(PLAIN, id="mine/2"))
+    write_scenarios(scenes, tmp_path / "mine.yaml")
+    summaries = [Summary(PLAIN.id, PLAIN.hash(), 0.95, 150.0, 148.5, True, "0" * 64)]
+    summaries.append(Summary("mine/1", "of another scene", 0.95, 150.0, 148.5, True, "0" * 64))
+    track = nominal_drive(ROAD, SCENE)
+    write_certificates(tmp_path / FILE, [Certificate(summary, track) for summary in summaries])
+    (line,) = reservations(scenes, [str(tmp_path / "mine.yaml")])
+    assert line.startswith("2 of 3 scenarios have no certificate, such as mine/1: nobody is known to solve them")
+    assert reservations(scenes[:1], [str(tmp_path / "mine.yaml")]) == []
