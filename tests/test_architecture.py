@@ -15,7 +15,7 @@ PACKAGE = ROOT / "interplan_sumo"
 SHELF = ROOT / "planners"
 
 # Each room and the rooms it may import from. A module of the package's root is a room of its own.
-BASE = {"errors", "extras", "resources", "registry"}
+BASE = {"errors", "extras", "interruption", "resources", "registry"}
 LAYER_0 = {"world"}
 PLANNER = {"planner", "planner_options", "planner_seat", "planner_source", "plan_check"}
 LAYER_1 = {"maps", "dynamics", "features", "recordings", "scenario", "families", "tiny_worlds"} | PLANNER
@@ -36,6 +36,7 @@ LAYER_3 = {
 MAY_IMPORT: dict[str, set[str]] = {
     "errors": set(),
     "extras": {"errors"},
+    "interruption": set(),
     "resources": {"errors"},
     "registry": {"errors"},
     "statistics": BASE,

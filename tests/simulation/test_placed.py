@@ -112,7 +112,7 @@ def test_a_file_without_the_kind_is_refused_by_name() -> None:
     ("vehicle", "message"),
     [
         (PlacedVehicle(LanePosition("402031", 1.0), 5.0), r"vehicles\[0\] .* reaches beyond lane 402031"),
-        (PlacedVehicle(LanePosition("402031", 100.0), 90.0), r"vehicles\[0\]\.speed_mps is 90, its type .* reaches 55"),
+        (PlacedVehicle(LanePosition("402031", 100.0), 58.0), r"vehicles\[0\]\.speed_mps is 58, its type .* reaches 55"),
     ],
 )
 def test_a_vehicle_that_cannot_start_there_is_refused(vehicle: PlacedVehicle, message: str) -> None:
