@@ -126,7 +126,7 @@ def _check_motion(plan: Trajectory, ego: EgoState, now_s: float, is_even: bool) 
     if not is_even:
         first_s, last_s = float(at_s[0]), float(at_s[-1])
         count = max(1, ceil((last_s - first_s) / _SAMPLE_S - _TIME_SLACK_S))
-        at_s = first_s + _SAMPLE_S * np.arange(count + 1)
+        at_s = first_s + _SAMPLE_S * np.arange(count + 1, dtype=np.float64)
         x, y = np.interp(at_s, plan.time_s, plan.x_m), np.interp(at_s, plan.time_s, plan.y_m)
         _check_between(plan, at_s, x, y)
     step_x, step_y = x[1:] - x[:-1], y[1:] - y[:-1]

@@ -108,7 +108,7 @@ def test_a_jump_is_told_with_place_and_size() -> None:
 
 @pytest.mark.parametrize(("off_m", "fine"), [(5.9, True), (6.1, False), (1e100, False), (-1e300, False)])
 def test_a_spike_between_samples_is_a_jump(off_m: float, fine: bool) -> None:
-    time_s = 3.5 + 0.05 * np.arange(81)
+    time_s = 3.5 + 0.05 * np.arange(81, dtype=np.float64)
     x_m = 100.0 + 10.0 * (time_s - 3.5)
     x_m[3:40:2] += off_m
     if fine:

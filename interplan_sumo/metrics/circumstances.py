@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from interplan_sumo.metrics.association import runs
 from interplan_sumo.metrics.collisions import STOPPED_MPS
 from interplan_sumo.metrics.facts import Facts
 from interplan_sumo.world.actors import ActorKind
+from interplan_sumo.world.geometry import Floats, Ints
 from interplan_sumo.world.signals import SignalStatus
 
 CREEPING_MPS = 0.5
@@ -19,6 +21,8 @@ AHEAD_M = 20.0
 """Whoever is farther ahead holds nobody up that stands."""
 BESIDE_M = 0.5
 """So far beside the ego's own width somebody ahead still is in its way."""
+CLOSE_M = 1.0
+"""Whoever is no farther from its side may hold it up."""
 LINE_M = 25.0
 """A light that is farther ahead is not what the ego stands before."""
 
@@ -59,22 +63,27 @@ def how_it_went(facts: Facts) -> str:
 
 
 def held_up_by(facts: Facts, frame: int) -> str:
-    """Who or what is ahead of the ego at a moment."""
-    ahead = _nearest_ahead(facts, frame)
+    """Who or what is ahead of the ego at a moment, or else close beside it."""
+    ahead, beside = _nearest(facts, frame)
     red = _red_ahead_m(facts, frame)
     if ahead is not None and (red is None or ahead[1] < red):
-        row, gap_m = ahead
-        actors = facts.trace.actors
-        kind = ActorKind(int(actors.kind[row]))
-        still = "standing " if facts.actor_speed_mps[row] <= STOPPED_MPS and kind.is_agent else ""
-        return f"behind {still}{kind.words} {actors.ids[row]}, {max(0.0, gap_m):.1f} m ahead"
+        return f"behind {_named(facts, ahead[0])}, {max(0.0, ahead[1]):.1f} m ahead"
     if red is not None:
         return f"before a red light {max(0.0, red):.1f} m ahead"
+    if beside is not None:
+        return f"beside {_named(facts, beside[0])}, {max(0.0, beside[1]):.1f} m away"
     return f"with nobody within {AHEAD_M:.0f} m ahead in its way"
 
 
-def _nearest_ahead(facts: Facts, frame: int) -> tuple[int, float] | None:
-    """Row of the actor table, and gap between bumpers, of the nearest that is straight ahead."""
+def _named(facts: Facts, row: int) -> str:
+    actors = facts.trace.actors
+    kind = ActorKind(int(actors.kind[row]))
+    still = "standing " if facts.actor_speed_mps[row] <= STOPPED_MPS and kind.is_agent else ""
+    return f"{still}{kind.words} {actors.ids[row]}"
+
+
+def _nearest(facts: Facts, frame: int) -> tuple[tuple[int, float] | None, tuple[int, float] | None]:
+    """Row of the actor table, and gap, of the nearest that is straight ahead, and of the nearest beside the ego."""
     actors, ego, shape = facts.trace.actors, facts.trace.ego, facts.trace.shape
     rows = np.arange(len(actors))[actors.rows(frame)]
     offset = facts.actor_xy[rows] - facts.centre[frame]
@@ -83,12 +92,17 @@ def _nearest_ahead(facts: Facts, frame: int) -> tuple[int, float] | None:
     turned = actors.heading_rad[rows] - ego.heading_rad[frame]
     reach = (np.abs(np.cos(turned)) * actors.length_m[rows] + np.abs(np.sin(turned)) * actors.width_m[rows]) / 2
     half = (np.abs(np.sin(turned)) * actors.length_m[rows] + np.abs(np.cos(turned)) * actors.width_m[rows]) / 2
-    gap = along - reach - shape.length_m / 2
-    met = (along > 0.0) & (gap <= AHEAD_M) & (np.abs(across) <= half + shape.width_m / 2 + BESIDE_M)
+    gap, aside = along - reach - shape.length_m / 2, np.abs(across) - half - shape.width_m / 2
+    ahead = (along > 0.0) & (gap <= AHEAD_M) & (aside <= BESIDE_M)
+    beside = (np.abs(along) <= reach + shape.length_m / 2) & (aside <= CLOSE_M)
+    return _least(rows, gap, ahead), _least(rows, aside, beside)
+
+
+def _least(rows: Ints, gaps: Floats, met: NDArray[np.bool_]) -> tuple[int, float] | None:
     if not met.any():
         return None
-    nearest = int(np.argmin(np.where(met, gap, np.inf)))
-    return int(rows[nearest]), float(gap[nearest])
+    nearest = int(np.argmin(np.where(met, gaps, np.inf)))
+    return int(rows[nearest]), float(gaps[nearest])
 
 
 def _red_ahead_m(facts: Facts, frame: int) -> float | None:
