@@ -336,6 +336,15 @@ def test_a_planner_that_fails_in_every_drive_is_bad_input(capsys: pytest.Capture
     assert err.endswith(f"see: interplan-sumo planners check {planner}\n")
 
 
+def test_all_planners_that_fail_in_every_drive_are_named(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    rude = [f"tests.batch.rude_planners:{name}" for name in ("NeverBegins", "ReturnsNan")]
+    planners = ("--planner", rude[0], "--planner", rude[1], "--planner", "straight_ahead")
+    code, _, err = ran(capsys, "run", *planners, "--limit", 1, "--workers", 0, "--out", tmp_path / "run", "--quiet")
+    assert code == 2
+    assert f"planner '{rude[0]}' failed in its only drive" in err
+    assert f"; so did '{rude[1]}'; see: " in err
+
+
 def test_quiet_says_nothing_on_stderr(capsys: pytest.CaptureFixture[str], folder: Path) -> None:
     planners = ("--planner", "straight_ahead", "--planner", "idm")
     code, out, err = ran(capsys, "run", *planners, "--limit", 1, "--workers", 0, "--out", folder, "--quiet")

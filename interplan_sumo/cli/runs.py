@@ -77,15 +77,16 @@ def _about(options: RunOptions, folder: Path) -> str:
 
 
 def _refuse_planners_that_never_drove(table: ResultsTable) -> None:
-    """InputError for a planner whose every drive ended in a fault of its own."""
-    for line in table.lines:
-        if line.rows and line.faults == {"planner": len(line.rows)}:
-            first = line.rows[0].fault
-            drives = "its only drive" if len(line.rows) == 1 else f"all its {len(line.rows)} drives"
-            raise InputError(
-                f"planner {line.planner!r} failed in {drives}, first: {first.message if first else ''}; "
-                f"see: interplan-sumo planners check {shlex.quote(line.planner)}"
-            )
+    """InputError for planners whose every drive ended in a fault of their own."""
+    failed = [line for line in table.lines if line.rows and line.faults == {"planner": len(line.rows)}]
+    if failed:
+        line, first = failed[0], failed[0].rows[0].fault
+        drives = "its only drive" if len(line.rows) == 1 else f"all its {len(line.rows)} drives"
+        others = f"; so did {', '.join(repr(each.planner) for each in failed[1:])}" if failed[1:] else ""
+        raise InputError(
+            f"planner {line.planner!r} failed in {drives}, first: {first.message if first else ''}{others}; "
+            f"see: interplan-sumo planners check {shlex.quote(line.planner)}"
+        )
 
 
 @app.command()
