@@ -49,7 +49,7 @@ def import_recorded(
     ] = None,
     goal: Annotated[
         float | None,
-        typer.Option(help="Metres ahead, unless the track goes farther. Default: 150; replayed, where the track ends."),
+        typer.Option(help="Metres ahead, unless the track goes farther. Default: 150; replayed, 80 % of the track."),
     ] = None,
     duration: Annotated[
         float | None, typer.Option(help="Seconds. Default: the rest of the recording; 30 where SUMO moves the others.")

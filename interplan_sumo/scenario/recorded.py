@@ -30,8 +30,8 @@ STEP_S: Final = 0.1
 """Of a scenario; recordings with another step are interpolated."""
 GOAL_M: Final = 150.0
 """So far ahead the goal of a scene lies that SUMO drives on, at least."""
-BEFORE_END_M: Final = 2.0
-"""So far before the end of its track the goal of a replayed one lies: who drives as the recorded car did comes past."""
+OF_TRACK: Final = 0.8
+"""After this share of the track the goal of a replayed one lies: who is little slower than the recorded car was comes past."""
 LEAST_GOAL_M: Final = 20.0
 """Nearer than this it is no goal, and lies `GOAL_M` ahead instead."""
 SUMO_DURATION_S: Final = 30.0
@@ -70,8 +70,8 @@ def scene(
 
     By default the ego is the car that measured. Its route follows its track;
     where that is shorter than `goal_m` the route goes straight on up to there
-    or to where the roads end. By default the goal of replayed agents lies where the track
-    ends, as the drive does, and else 150 m ahead. The default duration is the rest of the recording
+    or to where the roads end. By default the goal lies after four fifths of the track if agents are
+    replayed, as the drive ends with it, and else 150 m ahead. The default duration is the rest of the recording
     for replayed agents, 30 s for those that SUMO drives. ScenarioError if there
     is no such track, or if it does not follow the lanes.
     """
@@ -108,7 +108,7 @@ def ego_scene(
             f"recording {recording.name}: track {ego.id} is on no lane of map {roads.name} at {at_s:g} s; "
             "name another time with --at, or another track with --ego"
         )
-    route, goal, notes = _way(recording, roads, ego, path, goal_m, to_its_end=agents == "replayed")
+    route, goal, notes = _way(recording, roads, ego, path, goal_m, ends_with_it=agents == "replayed")
     bare = Scenario(
         id=f"{roads.name}.{FAMILY}/{ego.id}-{(step - recording.start_step) * recording.step_s:.1f}s-{agents}",
         family=FAMILY,
@@ -193,11 +193,17 @@ def floored_m(arc_m: float) -> float:
 
 
 def _way(
-    recording: Recording, roads: Roads, ego: RecordedTrack, path: MatchedPath, goal_m: float | None, *, to_its_end: bool
+    recording: Recording,
+    roads: Roads,
+    ego: RecordedTrack,
+    path: MatchedPath,
+    goal_m: float | None,
+    *,
+    ends_with_it: bool,
 ) -> tuple[tuple[str, ...], LanePosition, tuple[str, ...]]:
     """Route, goal and notes: along the recorded path, then straight on until the goal is `goal_m` away.
 
-    By default up to the end of the track, if that is wished and far enough, else `GOAL_M` at least.
+    By default after `OF_TRACK`, if its end is the end of the drive and that is far enough, else `GOAL_M` at least.
     """
     chain, is_simple = _one_lane_per_block(roads, path.chain)
     ends = _ends_m(roads, chain, path.first)
@@ -207,8 +213,8 @@ def _way(
         notes.append(f"track {ego.id} leaves the lanes after {recorded_m:.0f} m; the route goes on along them")
     if not is_simple:
         notes.append(f"track {ego.id} comes back to where it was; the route ends before")
-    if goal_m is None and to_its_end:
-        there = _latest(roads, chain, ends, recorded_m - BEFORE_END_M)
+    if goal_m is None and ends_with_it:
+        there = _latest(roads, chain, ends, OF_TRACK * recorded_m)
         if there is not None and there[1] >= LEAST_GOAL_M:
             return *_route_to(roads, chain, ends, *there), tuple(notes)
     goal_m = GOAL_M if goal_m is None else goal_m

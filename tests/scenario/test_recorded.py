@@ -74,9 +74,9 @@ def test_the_goal_lies_as_far_as_is_wished_on_a_lane_and_off_the_end_of_the_road
 @pytest.mark.parametrize(
     ("steps", "goal"),
     [
-        (51, LanePosition("11", 68.0)),  # 50 m from x = 20 m, less 2 m
-        (88, LanePosition("11", 100.0)),  # the track ends inside a junction: at the end of the lane before it
-        (131, LanePosition("31", 38.0)),
+        (51, LanePosition("11", 60.0)),  # 40 of 50 m from x = 20 m
+        (107, LanePosition("11", 100.0)),  # inside a junction: at the end of the lane before it
+        (131, LanePosition("31", 14.0)),
         (16, LanePosition("31", 60.0)),  # so near it would be no goal
     ],
 )
