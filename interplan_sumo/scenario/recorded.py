@@ -31,7 +31,7 @@ STEP_S: Final = 0.1
 GOAL_M: Final = 150.0
 """So far ahead the goal of a scene lies that SUMO drives on, at least."""
 OF_TRACK: Final = 0.8
-"""After this share of the track the goal of a replayed one lies: who is little slower than the recorded car was comes past."""
+"""After this share of the track the goal of a replayed scene lies: who is little slower than that car comes past."""
 LEAST_GOAL_M: Final = 20.0
 """Nearer than this it is no goal, and lies `GOAL_M` ahead instead."""
 SUMO_DURATION_S: Final = 30.0
