@@ -145,9 +145,11 @@ def _rows(
         if scenario.id not in named:
             named[scenario.id] = scenario.site(load_roads(scenario.map, scenario.maps_beside))
         made = row_of_outcome(outcome, named[scenario.id], scenario.hash(), manifest, official=official, isolated=True)
-        claimed = bundle.rows[made.key].fault
-        ended = made.fault is not None and made.fault.kind == "planner" and claimed is not None
-        return structs.replace(made, fault=claimed) if ended else made
+        claimed = bundle.rows[made.key]
+        # how often it was begun is told of its planner, not of who drives its plans
+        made = structs.replace(made, tries=claimed.tries, official=official and claimed.tries == 1)
+        ended = made.fault is not None and made.fault.kind == "planner" and claimed.fault is not None
+        return structs.replace(made, fault=claimed.fault) if ended else made
 
     tasks = [Task(job.key, job.planner, job) for job in left]
     for task in tasks:

@@ -71,8 +71,8 @@ EXAMPLES: Final[Mapping[str, tuple[str, ...]]] = {
     "llm export": ("llm export runs/mine --out answers.jsonl",),
     "traffic": ("traffic check mine.xml",),
     "traffic check": ("traffic check mine.xml --json",),
-    "traffic realism": ("traffic realism mixed --against tracks.csv",),
-    "traffic calibrate": ("traffic calibrate tracks.csv --out mine.xml",),
+    "traffic realism": ("traffic realism mixed --against tracks.parquet",),
+    "traffic calibrate": ("traffic calibrate tracks.parquet --out mine.xml",),
     "dataset": ("dataset ordinary --samples 1000 --out data/ordinary",),
     "dataset ordinary": ("dataset ordinary --samples 1000 --out data/ordinary",),
 }

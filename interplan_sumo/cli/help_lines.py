@@ -52,7 +52,8 @@ def shorten(parameter: Any) -> None:
     if parameter.param_type_name == "argument":  # its name says what it is; typer adds a type of Python
         parameter.display_type_rich = lambda **_: None
     if parameter.default is not None and parameter.show_default:
-        parameter.help = f"{parameter.help} Default: {told(parameter.default)}."
+        if said := told(parameter.default):
+            parameter.help = f"{parameter.help} Default: {said}."
         parameter.show_default = False
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from tempfile import mkdtemp
-from typing import Any
+from typing import Any, Final
 
 from interplan_sumo.errors import MapError, UnknownNameError
 from interplan_sumo.maps.geopackage import read_map
@@ -20,6 +20,10 @@ from interplan_sumo.world.roads import Roads
 
 MANIFEST = "nuplan-maps-v1.0.json"
 """nuPlan's list of the maps in a root, under its default version name."""
+
+
+SHOWN: Final = "[!.]*"
+"""Folders whose name begins with a dot are being written, or were when that was stopped."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +111,7 @@ def _in_folder(folder: Path, known: Iterable[str] = ()) -> MapFiles:
     if folder.name == "map.gpkg":
         folder = folder.parent
     if not (folder / "map.gpkg").is_file():
-        versions = sorted(folder.glob("*/map.gpkg")) if folder.is_dir() else []
+        versions = sorted(folder.glob(f"{SHOWN}/map.gpkg")) if folder.is_dir() else []
         if len(versions) > 1:
             names = ", ".join(file.parent.name for file in versions)
             raise MapError(f"{folder} holds several versions of a map ({names}); name one of these folders")
@@ -177,7 +181,7 @@ def write_maps_manifest(root: Path) -> None:
     """
     root = Path(root)
     versions: dict[str, str] = {}
-    for file in sorted(root.glob("*/*/map.gpkg")):
+    for file in sorted(root.glob(f"{SHOWN}/{SHOWN}/map.gpkg")):
         name, version = file.parent.parent.name, file.parent.name
         if name in versions:
             raise MapError(

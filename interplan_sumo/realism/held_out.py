@@ -73,11 +73,18 @@ def held_out(drivers: ObservedDrivers, prior: DriverPrior) -> HeldOut:
     ]
     names = sorted({name for pair in pairs for name in pair})
     between = {name: float(np.median([pair[name] for pair in pairs if name in pair])) for name in names}
-    return HeldOut(tuple(_held_out(drivers, each, prior) for each in places), between)
+    told = [
+        each for each in places if any(driver.episodes or driver.free for driver in _elsewhere(drivers, each).drivers)
+    ]
+    return HeldOut(tuple(_held_out(drivers, each, prior) for each in told), between)
+
+
+def _elsewhere(drivers: ObservedDrivers, place: str) -> ObservedDrivers:
+    return drivers.within([each for each in drivers.places if each != place])
 
 
 def _held_out(drivers: ObservedDrivers, place: str, prior: DriverPrior) -> HeldOutPlace:
-    others = drivers.within([each for each in drivers.places if each != place])
+    others = _elsewhere(drivers, place)
     population = fitted(others, prior)
     left = _following(drivers.within([place]))
     batch = left.batch(free=False)

@@ -36,9 +36,9 @@ WIDTH, HEIGHT, STRIP = 960, 400, 48
 """Pixels of the view of one drive, and of the two lines of words above it."""
 HEIGHT_OF_TWO: Final = 296
 PLANNER_CHARS: Final = 48
+"""Of a planner with its options, so that the legend has room beside it."""
 LOST_CHARS: Final = 110
 """Of a line of what was lost: it spans most of a film."""
-"""Of a planner with its options, so that the legend has room beside it."""
 GIF_SHARE: Final = 0.75
 """GIFs are smaller: they compress worse."""
 MOST_PIXELS: Final = 48e6

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from interplan_sumo.batch.judged import Judged, judged_folders, read_judged
 from interplan_sumo.batch.run_folder import StoredRun, read_run
+from interplan_sumo.families import find_family
 from interplan_sumo.report.table import Line, ResultsTable, make_table
 
 
@@ -23,6 +24,11 @@ class Entry:
         """Over its drives, 0 to 1; what has no score counts as none."""
         scores = [brief.score or 0.0 for brief in self.run.briefs.values()]
         return sum(scores) / len(scores) if scores else 0.0
+
+    @property
+    def ordinary(self) -> bool:
+        """Whether it is of ordinary driving only."""
+        return all(find_family(brief.family).ordinary for brief in self.run.briefs.values())
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,5 +52,19 @@ def make_leaderboard(places: Sequence[Path]) -> Leaderboard:
     different suites, profiles or traffic.
     """
     entries = [Entry(read_run(folder), read_judged(folder)) for folder in judged_folders(tuple(places))]
-    entries.sort(key=lambda entry: (-entry.mean, entry.judged.card.name, entry.judged.sha256))
+    entries = ranked(entries)
     return Leaderboard(make_table([entry.run for entry in entries]), tuple(entries))
+
+
+def ranked(entries: Sequence[Entry]) -> list[Entry]:
+    """Best first, by what stands in the first column: ordinary driving goes with the rest of its planner."""
+    best: dict[str, float] = {}
+    for entry in entries:
+        if not entry.ordinary:
+            best[entry.judged.card.name] = max(entry.mean, best.get(entry.judged.card.name, 0.0))
+
+    def rank(entry: Entry) -> tuple[float, float, str, str]:
+        name = entry.judged.card.name
+        return -(best.get(name, -1.0) if entry.ordinary else entry.mean), -entry.mean, name, entry.judged.sha256
+
+    return sorted(entries, key=rank)

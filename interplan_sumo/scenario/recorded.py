@@ -108,7 +108,10 @@ def ego_scene(
             f"recording {recording.name}: track {ego.id} is on no lane of map {roads.name} at {at_s:g} s; "
             "name another time with --at, or another track with --ego"
         )
-    route, goal, notes = _way(recording, roads, ego, path, goal_m, ends_with_it=agents == "replayed")
+    lasts_s = _duration_s(recording, step, agents, duration_s)
+    seen = ego.poses[row : row + 1 + round(lasts_s / recording.step_s)]
+    came_m = _travelled_m(seen) if agents == "replayed" else None
+    route, goal, notes = _way(recording, roads, ego, path, goal_m, came_m)
     bare = Scenario(
         id=f"{roads.name}.{FAMILY}/{ego.id}-{(step - recording.start_step) * recording.step_s:.1f}s-{agents}",
         family=FAMILY,
@@ -117,7 +120,7 @@ def ego_scene(
         start_speed_mps=round(float(np.hypot(*ego.velocity_mps[row])), DECIMALS_M),
         goal=goal,
         route=route,
-        duration_s=_duration_s(recording, step, agents, duration_s),
+        duration_s=lasts_s,
     )
     bare = replace(bare, past=_past(ego, row, recording.step_s, bare.start.pose(roads)))
     bare.check(roads)
@@ -140,7 +143,7 @@ def _ego(recording: Recording, ego_id: str | None, step: int) -> RecordedTrack:
     vehicles = {track.id: track for track in recording.tracks if track.kind is ActorKind.VEHICLE}
     wanted = recording.ego_id if ego_id is None else ego_id
     if wanted is None:
-        far = sorted(vehicles.values(), key=lambda track: (-_travelled_m(track), track.id))
+        far = sorted(vehicles.values(), key=lambda track: (-_travelled_m(track.poses), track.id))
         names = ", ".join(track.id for track in far[:5]) or "none"
         raise ScenarioError(
             f"recording {recording.name} does not say which car measured; name a track with --ego, "
@@ -157,8 +160,8 @@ def _ego(recording: Recording, ego_id: str | None, step: int) -> RecordedTrack:
     return track
 
 
-def _travelled_m(track: RecordedTrack) -> float:
-    return float(np.hypot(*np.diff(track.poses[:, :2], axis=0).T).sum())
+def _travelled_m(poses: Floats) -> float:
+    return float(np.hypot(*np.diff(poses[:, :2], axis=0).T).sum())
 
 
 def _start(first: LaneMatch) -> LanePosition:
@@ -198,12 +201,12 @@ def _way(
     ego: RecordedTrack,
     path: MatchedPath,
     goal_m: float | None,
-    *,
-    ends_with_it: bool,
+    came_m: float | None,
 ) -> tuple[tuple[str, ...], LanePosition, tuple[str, ...]]:
     """Route, goal and notes: along the recorded path, then straight on until the goal is `goal_m` away.
 
-    By default after `OF_TRACK`, if its end is the end of the drive and that is far enough, else `GOAL_M` at least.
+    By default after `OF_TRACK` of how far the recorded car `came_m` in the time, if the drive ends with that and it
+    is far enough, else `GOAL_M` at least.
     """
     chain, is_simple = _one_lane_per_block(roads, path.chain)
     ends = _ends_m(roads, chain, path.first)
@@ -213,8 +216,8 @@ def _way(
         notes.append(f"track {ego.id} leaves the lanes after {recorded_m:.0f} m; the route goes on along them")
     if not is_simple:
         notes.append(f"track {ego.id} comes back to where it was; the route ends before")
-    if goal_m is None and ends_with_it:
-        there = _latest(roads, chain, ends, OF_TRACK * recorded_m)
+    if goal_m is None and came_m is not None:
+        there = _latest(roads, chain, ends, OF_TRACK * min(came_m, recorded_m))
         if there is not None and there[1] >= LEAST_GOAL_M:
             return *_route_to(roads, chain, ends, *there), tuple(notes)
     goal_m = GOAL_M if goal_m is None else goal_m

@@ -50,7 +50,7 @@ class ChaseCamera extends Camera {
 
   turnTo(heading, seconds, up) {
     const TURN_S = 0.35; // until a turn is mostly followed
-    const wanted = up ? heading - Math.PI / 2 : up === null ? this.turnedRad : 0;
+    const wanted = up ? heading - Math.PI / 2 : 0;
     const away = Math.atan2(Math.sin(wanted - this.turnedRad), Math.cos(wanted - this.turnedRad));
     const share = this.turnedRad === null ? 1 : 1 - Math.exp(-seconds / TURN_S);
     this.turnedRad = (this.turnedRad ?? wanted) + (this.turnedRad === null ? 0 : share * away);

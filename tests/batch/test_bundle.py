@@ -20,14 +20,14 @@ from interplan_sumo.batch import bundle_zip
 from interplan_sumo.batch.bundle import PlannerCard, open_bundle, public, read_card
 from interplan_sumo.batch.bundle_zip import write_zip
 from interplan_sumo.batch.judge import Judgement, judge
-from interplan_sumo.batch.judged import read_judged
+from interplan_sumo.batch.judged import Judged, read_judged
 from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.run import run
 from interplan_sumo.batch.run_folder import StoredRun, read_run
 from interplan_sumo.batch.submit import submit
 from interplan_sumo.batch.verified import verified_rows
 from interplan_sumo.errors import InputError, RunFolderError, UnknownNameError
-from interplan_sumo.report.leaderboard import make_leaderboard
+from interplan_sumo.report.leaderboard import Entry, make_leaderboard, ranked
 from interplan_sumo.report.leaderboard_formats import leaderboard_json, leaderboard_page
 from interplan_sumo.scenario.files import write_scenarios
 from interplan_sumo.world.plans import PLAN_COLUMNS
@@ -206,6 +206,25 @@ def test_a_planner_that_failed_keeps_its_zero(home: Path, tmp_path: Path) -> Non
     assert (made.judged.equal, made.judged.drives) == (2, 2)
     ended = [(each.score, each.fault and each.fault.kind) for each in made.found.run.rows.values()]
     assert ended == [(0.0, "planner")] * 2
+
+
+def test_the_best_come_first_by_the_rare_scenes_whatever_they_do_in_ordinary_driving() -> None:
+    def entry(planner: str, score: float, family: str = "nudge") -> Entry:
+        rows = [row(f"{family}/{n}", score, planner=planner) for n in range(2)]
+        held = StoredRun(
+            Path(f"{planner}-{family}"), manifest(asked(planner, "a/0")), {each.key: each for each in rows}
+        )
+        return Entry(held, Judged(PlannerCard(name=planner), "", "", "", "", None, None, 2, 2, (), {}))
+
+    a, b, c = entry("a", 0.3), entry("b", 0.6), entry("c", 0.95, "changing_lane")
+    ordinary = entry("a", 0.9, "changing_lane")
+    assert ranked([ordinary, a, c, b]) == [b, ordinary, a, c]
+
+
+def test_how_often_a_drive_was_begun_is_judged_with_it(home: Path, tmp_path: Path) -> None:
+    bundle = forged(home, tmp_path, of_rows(lambda row: row.update(tries=3)))
+    rows = judged(home, bundle, tmp_path / "judged").found.run.rows
+    assert [(each.scenario_id, each.tries) for each in rows.values()] == [("mine/0", 1), ("mine/1", 3)]
 
 
 @pytest.mark.slow

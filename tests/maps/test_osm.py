@@ -50,7 +50,18 @@ def test_the_map_agrees_with_its_network_and_its_extract_and_carries_the_licence
     assert LICENCE in kept.notes
 
 
-@pytest.mark.parametrize(("lanes", "fine"), [("30", True), ("31", False), ("1000000", False), ("9" * 5000, False)])
+@pytest.mark.parametrize(
+    ("lanes", "fine"),
+    [
+        ("30", True),
+        ("2;1", True),
+        ("31", False),
+        ("1000000", False),
+        ("9" * 5000, False),
+        ("400;500", False),
+        ("+400", False),
+    ],
+)
 def test_a_slip_of_the_pen_makes_no_million_lanes(lanes: str, fine: bool, tmp_path: Path) -> None:
     nodes = node(1, 0, 0) + node(2, 200, 0)
     path = written(tmp_path, osm(nodes, way(3, (1, 2), highway="primary", lanes=lanes)))

@@ -18,7 +18,10 @@ from tracking import DT_S, moved, steady, track
 from interplan_sumo.errors import InputError
 from interplan_sumo.realism.calibration import Calibration, CalibrationOptions, calibrate
 from interplan_sumo.realism.driver_population import BOUNDS, QUALITIES, DriverPopulation
-from interplan_sumo.realism.observed_drivers import wavering_mps2
+from interplan_sumo.realism.following import Following
+from interplan_sumo.realism.held_out import held_out
+from interplan_sumo.realism.observed_drivers import ObservedDriver, ObservedDrivers, wavering_mps2
+from interplan_sumo.realism.published import PRIORS
 from interplan_sumo.realism.tracks import RecordedTraffic, Track, open_recordings
 from interplan_sumo.realism.vehicle_type_writer import ERROR, WAVERS, vehicle_type_text
 from interplan_sumo.simulation.vehicle_types import read_vehicle_types, vehicle_type_file
@@ -158,6 +161,16 @@ def test_real_recordings_become_a_file_that_sumo_s_schema_takes(
     assert "Date: 2026." in text
     assert ran(capsys, "traffic", "calibrate", *files, "--out", out, "--date", "2026")[0] == 0
     assert out.read_text() == text, "not the same to the byte"
+
+
+def test_a_place_whose_others_only_queued_is_not_left_out() -> None:
+    follows = Following(
+        None, None, 0.1 * np.arange(40), 10.0 + 0.1 * np.arange(40), np.full(40, 8.0), np.full(40, 9.0), np.zeros(40)
+    )  # fmt: skip
+    drivers = [ObservedDriver("a", (follows,), (), np.nan, np.nan, np.nan, False) for _ in range(6)]
+    queued = ObservedDriver("b", (), (), np.nan, 2.0, np.nan, False)
+    seen = ObservedDrivers((*drivers, queued), {"a": 13.0, "b": 13.0}, np.zeros(0))
+    assert held_out(seen, PRIORS["city"]).places == ()
 
 
 def test_a_limit_that_is_none_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -132,6 +132,13 @@ def test_headers_sort_a_family_by_keyboard_say_which_way_and_know_numbers(report
         assert first.locator("td.score").inner_text() == score
     button.press("Enter")
     assert first.get_attribute("id") == "drive-0"
+    cells = family.locator(".drives tbody tr td.score")
+    for number, score in enumerate(("79.6", "79.55", "9.8", "79.1234")):
+        cells.nth(number).evaluate("(cell, score) => { cell.dataset.value = score; }", score)
+    button.press("Enter")
+    values = [float(each) for each in cells.evaluate_all("cells => cells.map((cell) => cell.dataset.value)")]
+    assert values == sorted(values)
+    assert 79.55 in values
     family.get_by_role("button", name="planner", exact=True).click()
     assert family.locator(".drives tbody td:nth-child(2)").all_inner_texts()[:5] == ["foresight"] * 5
 

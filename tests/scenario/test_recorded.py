@@ -87,6 +87,11 @@ def test_where_everyone_is_replayed_the_goal_is_where_the_recorded_car_came(step
     assert scene(log, ROADS, agents="sumo").scenario.goal == LanePosition("31", 60.0)
 
 
+def test_a_shorter_drive_has_a_nearer_goal() -> None:
+    log = recording(drives("ego", 20.0, 0.0, 10.0, steps=131), stands("a", 60.0, 8.0, steps=131))
+    assert scene(log, ROADS, agents="replayed", duration_s=5.0).scenario.goal == LanePosition("11", 60.0)
+
+
 @pytest.mark.parametrize(("stub_m", "goal"), [(4.0, LanePosition("11", 95.0 - 1e-3)), (8.0, LanePosition("31", 3.0))])
 def test_the_goal_lies_5_m_before_the_edge_of_the_map_also_where_its_last_lane_is_a_stub(
     stub_m: float, goal: LanePosition

@@ -7,7 +7,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from interplan_sumo.errors import InputError, MapError
-from interplan_sumo.maps.controls import MapControls
+from interplan_sumo.maps.controls import CONTROLS_FILE, MapControls
 from interplan_sumo.maps.geopackage import read_map
 from interplan_sumo.maps.geopackage_writer import write_map
 from interplan_sumo.maps.importers.build import Built, build
@@ -65,6 +65,8 @@ def import_map(source: Path, format: str, folder: Path, *, overwrite: bool = Fal
             convert(read_map(fresh.gpkg, name), fresh.folder)
             record.write(fresh.folder)
             files.folder.mkdir(exist_ok=True)
+            if not (fresh.folder / CONTROLS_FILE).is_file():
+                (files.folder / CONTROLS_FILE).unlink(missing_ok=True)  # those of another map
             for path in sorted(fresh.folder.iterdir()):
                 path.replace(files.folder / path.name)
     return files, record

@@ -16,10 +16,17 @@
 
   const valueOf = (row, column) => row.cells[column].dataset.value ?? row.cells[column].textContent;
 
+  /** Numbers by their value, which a collator does not know of decimals; all else as people sort. */
+  function compared(a, b) {
+    const [one, other] = [Number(a), Number(b)];
+    const numbers = a.trim() !== "" && b.trim() !== "" && Number.isFinite(one) && Number.isFinite(other);
+    return numbers ? one - other : numeric.compare(a, b);
+  }
+
   function sortBy({ table, rows }, column, direction) {
     const order = direction === "descending" ? -1 : 1;
     const sorted = direction === "none" ? [...rows] : [...rows].sort((a, b) =>
-      order * numeric.compare(valueOf(a.row, column), valueOf(b.row, column)) || a.place - b.place);
+      order * compared(valueOf(a.row, column), valueOf(b.row, column)) || a.place - b.place);
     table.tBodies[0].append(...sorted.map((each) => each.row));
     headers(table).forEach((cell, i) => cell.setAttribute("aria-sort", i === column ? direction : "none"));
   }

@@ -104,8 +104,7 @@ def _count_way(found: OsmExtract, way: Element) -> None:
     if kind in _FOR_CARS:
         found.roads += 1
         for key, text in tags.items():
-            digits = text.strip().lstrip("0")
-            if key.startswith("lanes") and digits.isdecimal() and (len(digits) > 2 or int(digits) > MOST_LANES):
+            if key.startswith("lanes") and any(map(_is_too_many, text.split(";"))):
                 said = f"{way.get('id', '?')} has {key}={text if len(text) < 12 else f'{text[:9]}...'}"
                 raise MapError(f"{found.path}: way {said}, expected {MOST_LANES} at most; correct it")
         found.with_limit += any(key.startswith("maxspeed") for key in tags)
@@ -114,6 +113,11 @@ def _count_way(found: OsmExtract, way: Element) -> None:
         nodes = tuple(node.get("ref", "") for node in way.iter("nd"))
         if tags.get("junction") == "roundabout" and len(nodes) > 3 and nodes[0] == nodes[-1]:
             found.roundabouts.append(nodes)
+
+
+def _is_too_many(text: str) -> bool:
+    digits = text.strip().removeprefix("+").lstrip("0")
+    return digits.isdecimal() and (len(digits) > 2 or int(digits) > MOST_LANES)
 
 
 # --- the driving side --------------------------------------------------------------------------------------
