@@ -164,9 +164,9 @@ def test_real_recordings_become_a_file_that_sumo_s_schema_takes(
 
 
 def test_a_place_whose_others_only_queued_is_not_left_out() -> None:
-    follows = Following(
-        None, None, 0.1 * np.arange(40), 10.0 + 0.1 * np.arange(40), np.full(40, 8.0), np.full(40, 9.0), np.zeros(40)
-    )  # fmt: skip
+    at_s = np.arange(40, dtype=np.float64) / 10.0
+    nobody: Any = None  # who it was is not asked here
+    follows = Following(nobody, nobody, at_s, 10.0 + at_s, np.full(40, 8.0), np.full(40, 9.0), np.zeros(40))
     drivers = [ObservedDriver("a", (follows,), (), np.nan, np.nan, np.nan, False) for _ in range(6)]
     queued = ObservedDriver("b", (), (), np.nan, 2.0, np.nan, False)
     seen = ObservedDrivers((*drivers, queued), {"a": 13.0, "b": 13.0}, np.zeros(0))
