@@ -177,6 +177,7 @@ def test_a_planner_that_hangs_is_cut_off(monkeypatch: pytest.MonkeyPatch) -> Non
     finding = found(hang)
     assert (finding.severity, finding.rule) == ("error", "time")
     assert finding.message == "plan() did not return within 0.05 s"
+    assert len(finding.worlds) == 1  # one that hangs would hang again
     assert time.monotonic() - began < 3.0
 
 

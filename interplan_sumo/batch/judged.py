@@ -71,10 +71,11 @@ def read_judged(run_folder: Path) -> Judged:
 
 
 def judged_folders(places: tuple[Path, ...]) -> list[Path]:
-    """The judged run folders among these and right below them, by name; RunFolderError if there is none."""
-    found = [path.parent for place in places for path in (place / JUDGED, *sorted(place.glob(f"*/{JUDGED}")))]
-    found = [folder for folder in dict.fromkeys(found) if (folder / JUDGED).is_file()]
-    if not found:
-        where = ", ".join(map(str, places)) or "nowhere"
-        raise RunFolderError(f"no judged bundle in {where}; make some with the command judge")
-    return found
+    """The judged run folders among these and right below them, by name; RunFolderError for a place without any."""
+    found: dict[Path, None] = {}
+    for place in places:
+        below = [path for path in (place / JUDGED, *sorted(place.glob(f"*/{JUDGED}"))) if path.is_file()]
+        if not below:
+            raise RunFolderError(f"no judged bundle in {place}; make some with the command judge, or leave it out")
+        found.update(dict.fromkeys(path.parent for path in below))
+    return list(found)

@@ -29,10 +29,13 @@ class VerifiedRow(Struct, frozen=True):
     trace_hash: str | None
     score: float | None
     means: Means
+    judged: dict[str, float | None] = {}
+    """Scores of all metrics."""
 
     @classmethod
     def of(cls, row: Row, means: Means) -> VerifiedRow:
-        return cls(row.scenario_id, row.planner, row.seed, row.trace_hash, row.score, means)
+        judged = {name: metric.score for name, metric in row.metrics.items()}
+        return cls(row.scenario_id, row.planner, row.seed, row.trace_hash, row.score, means, judged)
 
     @property
     def key(self) -> JobKey:

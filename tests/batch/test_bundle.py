@@ -252,6 +252,8 @@ def test_the_leaderboard_is_of_what_was_judged_and_shows_names_as_text(
     assert (tmp_path / "page.html").read_text() == leaderboard_page(board, tmp_path / "page.html")
     with pytest.raises(RunFolderError, match="no judged bundle in"):
         make_leaderboard([home / "run"])
+    with pytest.raises(RunFolderError, match=r"no judged bundle in .*run; .* or leave it out"):
+        make_leaderboard([tmp_path / "judged", home / "run"])
 
 
 # --- lies: they are found by driving ---

@@ -14,7 +14,7 @@ import pytest
 from msgspec import structs
 
 from interplan_sumo.batch.options import RunOptions
-from interplan_sumo.batch.records import Fault, Row
+from interplan_sumo.batch.records import Fault, MetricRecord, Row
 from interplan_sumo.batch.results import write_rows
 from interplan_sumo.batch.row_check import SCORE_BAR, RowCheck
 from interplan_sumo.batch.run import run
@@ -112,6 +112,10 @@ def test_what_came_again_is_noted_until_its_row_changes(copy: Path) -> None:
     note_verified(checked(copy, STRAIGHT))
     rewritten(copy, lambda row: more(row, 0.1))
     assert {key[0] for key in verified_rows(read_run(copy))} == {"mine/0"}
+    note_verified(checked(copy, STRAIGHT))
+    assert {key[0] for key in verified_rows(read_run(copy))} == {"mine/0", "mine/1"}
+    rewritten(copy, lambda row: structs.replace(row, metrics=row.metrics | {"mine": MetricRecord(0.5, {})}))
+    assert {key[0] for key in verified_rows(read_run(copy))} == {"mine/0"}, "judged by other metrics"
 
 
 def test_a_damaged_note_is_one_line(copy: Path) -> None:

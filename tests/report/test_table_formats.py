@@ -224,6 +224,12 @@ def test_under_the_table_stands_what_it_can_tell() -> None:
     assert "Best: b. 5 scenarios are too few to tell lines apart among 1 pair, however much they differ." in said
 
 
+def test_one_scene_compares_nobody() -> None:
+    said = " ".join(text(make_table([stored(*(drive("nudge/0", 0.5, planner=name) for name in "ab"))])).split())
+    assert "One scenario is too few to compare lines." in said
+    assert "Holm" not in said
+
+
 @pytest.mark.parametrize("width", [60, 80, 120, 200])
 def test_many_lines_beside_the_papers_stand_in_several_tables_where_one_is_too_wide(width: int) -> None:
     rows = [drive(f"nudge/{n}", 0.5, planner=f"planner_{at}") for at in range(14) for n in range(2)]
