@@ -114,7 +114,7 @@ def test_what_came_again_is_noted_until_its_row_changes(copy: Path) -> None:
     assert {key[0] for key in verified_rows(read_run(copy))} == {"mine/0"}
     note_verified(checked(copy, STRAIGHT))
     assert {key[0] for key in verified_rows(read_run(copy))} == {"mine/0", "mine/1"}
-    rewritten(copy, lambda row: structs.replace(row, metrics=row.metrics | {"mine": MetricRecord(0.5, {})}))
+    rewritten(copy, lambda row: structs.replace(row, metrics=row.metrics | {"mine": MetricRecord(0.5, {}, None)}))
     assert {key[0] for key in verified_rows(read_run(copy))} == {"mine/0"}, "judged by other metrics"
 
 
