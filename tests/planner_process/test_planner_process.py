@@ -19,6 +19,7 @@ from test_hostile_planners import ROADS, SCENE, driven, hash_of
 from worlds import replayed, rolling
 
 from interplan_planners.straight_ahead import StraightAhead
+from interplan_sumo import testing
 from interplan_sumo._check_worlds import check_worlds
 from interplan_sumo.errors import PlannerError, PlannerLoadError, TrafficError
 from interplan_sumo.maps.store import load_roads
@@ -88,6 +89,18 @@ def test_a_process_that_somebody_kills_says_so_and_is_asked_no_more() -> None:
         assert seat.killed_from_outside
         with pytest.raises(PlannerError, match="has ended"):
             seat.start(world.mission)
+
+
+def test_a_program_may_take_its_time_for_a_map_when_it_is_checked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text, asked = (EXAMPLES / "python" / "straight.py").read_text(), "            request = json.loads(line)\n"
+    assert asked in text
+    slow = "            import time\n            time.sleep(0.3 * (request['type'] == 'map'))\n"
+    (tmp_path / "slow.py").write_text(text.replace(asked, asked + slow))
+    monkeypatch.setattr(testing, "CALL_LIMIT_S", 0.2)
+    found = check_planner(f"exec:{sys.executable} -S {tmp_path / 'slow.py'}", steps=2)
+    assert [finding for finding in found if finding.severity == "error"] == []
 
 
 def test_time_that_two_spend_at_once_makes_no_part_of_a_drive_negative() -> None:
