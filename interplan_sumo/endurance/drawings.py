@@ -205,7 +205,7 @@ def _event_map(name: str, events: Sequence[MappedEvent]) -> EventMap:
         high=round(float(size[1]) * scale, 1),
         roads="".join("M" + "L".join(f"{x:g} {y:g}" for x, y in drawn(line).tolist()) for line in lines),
         dots=tuple((x, y, ON_MAP.index(each.measure), event_text(each)) for each, (x, y) in ordered),
-        counts=tuple((ON_MAP.index(key), f"{count} {MEASURES[key]}") for key, count in found.items() if count),
+        counts=tuple((ON_MAP.index(key), f"{MEASURES[key]}: {count}") for key, count in found.items() if count),
     )
 
 
