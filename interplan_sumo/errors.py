@@ -126,5 +126,9 @@ class PlannerError(InterplanError):
     """A planner raised, timed out or returned a plan that cannot be followed."""
 
 
+class PlannerOverdueError(PlannerError):
+    """A call of a planner took longer than it may."""
+
+
 class TrafficError(InterplanError):
     """SUMO refused a command or gave up; names the command and the simulated time."""

@@ -28,10 +28,9 @@ import numpy as np
 
 from interplan_sumo._check_worlds import CheckWorld, check_worlds
 from interplan_sumo.dynamics.lqr import follow
-from interplan_sumo.errors import InputError, PlannerError
+from interplan_sumo.errors import InputError, PlannerError, PlannerOverdueError
 from interplan_sumo.plan_check import check_plan
 from interplan_sumo.planner import Observation, Planner, load_planner
-from interplan_sumo.planner_process.channel import OVERDUE
 from interplan_sumo.planner_process.external import ExternalPlanner
 from interplan_sumo.tiny_worlds import DT_S
 from interplan_sumo.world.ego import EgoState
@@ -191,8 +190,10 @@ def _called(drive: _Drive, method: str, call: Callable[[], Any]) -> Any:
             return call()
     except _OverrunError:
         drive.report("error", "time", f"{method}() did not return within {CALL_LIMIT_S:g} s")
+    except PlannerOverdueError as error:
+        drive.report("error", "time", str(error))
     except PlannerError as error:  # of a program: it has no lines that could be told
-        drive.report("error", "time" if OVERDUE in str(error) else "raises", str(error))
+        drive.report("error", "raises", str(error))
     except SystemExit as error:
         drive.report("error", "raises", f"{method}() called sys.exit({error.code!r}){_place(error)}; raise an error")
     except Exception as error:

@@ -25,8 +25,6 @@ _TOLD: Final = 60
 
 
 CLOSED: Final = "closed its end of the channel"
-OVERDUE: Final = "took longer than"
-"""How what it did begins that took too long."""
 
 
 class ChannelError(Exception):
@@ -150,7 +148,7 @@ class PlannerChannel:
 
     def _check(self, clock: AwakeClock, limit_s: float) -> None:
         if clock.now_s() > limit_s:
-            raise Overdue(f"{OVERDUE} {limit_s:g} s")
+            raise Overdue(f"took longer than {limit_s:g} s")
         if not self._buffer and not self._is_alive() and not self._reading.poll(0):
             raise ChannelError(CLOSED)  # though a child of it holds the other end
 

@@ -18,9 +18,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final, Self, TypeVar
 
-from interplan_sumo.errors import InputError, PlannerError, PlannerLoadError, clean_line
+from interplan_sumo.errors import InputError, PlannerError, PlannerLoadError, PlannerOverdueError, clean_line
 from interplan_sumo.planner import Mission, Observation
-from interplan_sumo.planner_process.channel import CLOSED, ChannelError, PlannerChannel
+from interplan_sumo.planner_process.channel import CLOSED, ChannelError, Overdue, PlannerChannel
 from interplan_sumo.planner_process.command import command_of
 from interplan_sumo.planner_process.conversation import answer, ask, greeting_of
 from interplan_sumo.planner_process.deaths import KilledWhileBuiltError, death, killed_from_outside
@@ -212,7 +212,8 @@ class PlannerProcess(PlannerSeat):
                 meanwhile()
             reply = answer(self._channel, self._form, read, most_bytes, limit_s)
         except ChannelError as error:
-            raise PlannerError(self._broken(what, error)) from None
+            kind = PlannerOverdueError if isinstance(error, Overdue) else PlannerError
+            raise kind(self._broken(what, error)) from None
         except BaseException:  # of what was done meanwhile: nobody will read the reply
             self._end()
             raise
