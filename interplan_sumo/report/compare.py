@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 from interplan_sumo.batch.briefs import Brief
 from interplan_sumo.batch.records import JobKey, Row
 from interplan_sumo.batch.run_folder import StoredRun
-from interplan_sumo.errors import InputError, RunFolderError, UnknownNameError
+from interplan_sumo.errors import InputError, UnknownNameError
 from interplan_sumo.report.failure_reasons import fault_sentence, metric_sentence
-from interplan_sumo.report.table import planner_label, unsafe_share
+from interplan_sumo.report.table import check_agree, planner_label, unsafe_share
 from interplan_sumo.statistics.detection import SIGNIFICANCE, holm, least_detectable_difference
 from interplan_sumo.statistics.intervals import DIFFERENCES, Range, mean_estimate
 from interplan_sumo.statistics.scene_values import DriveKey, DriveValue, DriveValues, mean_over_scenes
@@ -151,7 +151,7 @@ def compare_runs(
     names. RunFolderError if the runs differ in suite, profile, or the version
     of traffic or scoring; InputError if it is not clear who is meant.
     """
-    _check_agree(run_a, run_b)
+    check_agree(run_a, run_b, WAY_OUT)
     named = _planner_pairs(run_a, run_b, planner_a, planner_b)
     pairs = [_compare(run_a, run_b, a, b) for a, b in named]
     tested = [pair.overall.p_value for pair in pairs if pair.overall.p_value is not None]
@@ -163,15 +163,6 @@ def compare_runs(
         only_a=tuple(name for name in run_a.planners if name not in run_b.planners) if len(named) > 1 else (),
         only_b=tuple(name for name in run_b.planners if name not in run_a.planners) if len(named) > 1 else (),
     )
-
-
-def _check_agree(run_a: StoredRun, run_b: StoredRun) -> None:
-    for what, way_out in WAY_OUT.items():
-        held, other = (getattr(each.manifest, what) for each in (run_a, run_b))
-        if held != other:
-            raise RunFolderError(
-                f"{run_a.path} has {what.replace('_', ' ')} {held}, {run_b.path} has {other}; {way_out}"
-            )
 
 
 def _planner_pairs(

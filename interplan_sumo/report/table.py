@@ -232,9 +232,13 @@ def make_table(runs: Sequence[StoredRun]) -> ResultsTable:
             raise RunFolderError(f"{each.run.path} asks for no drive ({each.run.manifest.part}); leave it out")
     ordinary = [each.run for each in driven if each.ordinary]
     others = [each.run for each in driven if not each.ordinary]
-    _check_agree(runs, "profile", "traffic_version", "scoring_version")
-    for group in (others, ordinary):
-        _check_agree(group, "suite", "suite_hash")
+    for group, shared in (
+        (runs, ("profile", "traffic_version", "scoring_version")),
+        (others, ("suite", "suite_hash")),
+        (ordinary, ("suite", "suite_hash")),
+    ):
+        for run in group[1:]:
+            check_agree(run, group[0], dict.fromkeys(shared, "report them separately"))
     first = (others or ordinary)[0].manifest
     beside = ordinary[0].manifest.suite if others and ordinary else None
     columns = table_columns({drive.family for each in driven for drive in each.briefs.values()})
@@ -244,15 +248,13 @@ def make_table(runs: Sequence[StoredRun]) -> ResultsTable:
     return ResultsTable(first.suite, beside, first.profile, columns, lines, shards, apart)
 
 
-def _check_agree(runs: Sequence[StoredRun], *shared: str) -> None:
-    for run in runs[1:]:
-        for what in shared:
-            held, other = (getattr(each.manifest, what) for each in (run, runs[0]))
-            if held != other:
-                name = what.replace("_", " ")
-                raise RunFolderError(
-                    f"{run.path} has {name} {held}, {runs[0].path} has {other}; report them separately"
-                )
+def check_agree(run: StoredRun, other: StoredRun, ways_out: Mapping[str, str]) -> None:
+    """RunFolderError where the manifests differ in something: what, and the way out that goes with it."""
+    for what, way_out in ways_out.items():
+        mine, theirs = (getattr(each.manifest, what) for each in (run, other))
+        if mine != theirs:
+            name = what.replace("_", " ")
+            raise RunFolderError(f"{run.path} has {name} {mine}, {other.path} has {theirs}; {way_out}")
 
 
 def _lines(driven: Sequence[DrivenRun], columns: Sequence[Column]) -> Iterator[tuple[Line, LineValues]]:
