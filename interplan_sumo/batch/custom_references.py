@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 from interplan_sumo.batch.run_folder import slug
 from interplan_sumo.errors import InputError, RunFolderError
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.scenario import certificates
-from interplan_sumo.scenario.certificates import Certificate
 from interplan_sumo.scenario.nominal_drive import nominal_drive, reaches_goal
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.world.ego import PACIFICA
 from interplan_sumo.world.files import replacing, writing
 from interplan_sumo.world.trace import EgoTrack
 
+_Read = TypeVar("_Read")
 FOLDER = "experts"
 """In the run folder."""
 
@@ -26,7 +27,7 @@ def keep_certified(scenarios: Iterable[Scenario], files: Iterable[str], run_fold
     Only where the certificate is for exactly this scenario. InputError if the
     certificates cannot be read, RunFolderError if the run folder not be written.
     """
-    found = _certificates_beside(files)
+    found = _beside(files, certificates.read_certificates)
     for scenario in scenarios:
         certificate = found.get(scenario.id)
         path = _path(scenario, run_folder)
@@ -76,8 +77,7 @@ def reservations(scenarios: Sequence[Scenario], files: Iterable[str]) -> list[st
     How many have no certificate, where others have one; and each of these whose
     goal line is out of reach in the time, even at the limit.
     """
-    known = _certificates_beside(files)
-    hashes = {id: each.summary.scenario_hash for id, each in known.items()}
+    hashes = {id: each.scenario_hash for id, each in _beside(files, certificates.read_summaries).items()}
     bare = [each for each in scenarios if hashes.get(each.id) != each.hash()]
     said: list[str] = []
     if bare and len(bare) < len(scenarios):
@@ -95,12 +95,12 @@ def reservations(scenarios: Sequence[Scenario], files: Iterable[str]) -> list[st
     return said
 
 
-def _certificates_beside(files: Iterable[str]) -> dict[str, Certificate]:
-    """What `certificates.parquet` beside the files holds."""
-    found: dict[str, Certificate] = {}
+def _beside(files: Iterable[str], read: Callable[[Path], Mapping[str, _Read]]) -> dict[str, _Read]:
+    """What is read of `certificates.parquet` beside the files."""
+    found: dict[str, _Read] = {}
     for folder in dict.fromkeys(Path(file).parent for file in files):
         if (folder / certificates.FILE).is_file():
-            found |= certificates.read_certificates(folder / certificates.FILE)
+            found |= read(folder / certificates.FILE)
     return found
 
 

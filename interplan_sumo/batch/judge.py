@@ -144,10 +144,9 @@ def _rows(
         scenario = outcome.task.payload.scenario
         if scenario.id not in named:
             named[scenario.id] = scenario.site(load_roads(scenario.map, scenario.maps_beside))
+        claimed = bundle.rows[outcome.task.payload.key]
+        outcome = replace(outcome, tries=claimed.tries)  # those of its planner, not of who drives its plans
         made = row_of_outcome(outcome, named[scenario.id], scenario.hash(), manifest, official=official, isolated=True)
-        claimed = bundle.rows[made.key]
-        # how often it was begun is told of its planner, not of who drives its plans
-        made = structs.replace(made, tries=claimed.tries, official=official and claimed.tries == 1)
         ended = made.fault is not None and made.fault.kind == "planner" and claimed.fault is not None
         return structs.replace(made, fault=claimed.fault) if ended else made
 

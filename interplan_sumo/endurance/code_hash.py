@@ -10,13 +10,6 @@ from typing import Final
 
 DRIVES: Final = ("dynamics", "endurance", "metrics", "plan_check", "scenario", "simulation", "world")
 """Packages and modules that a segment passes through from its draw to its record."""
-ELSEWHERE: Final = frozenset(
-    {
-        "batch", "errors", "families", "maps", "planner", "planner_options", "planner_process", "planner_seat",
-        "planner_source", "registry", "resources",
-    }
-)  # fmt: skip
-"""What a worker imports besides: of maps and planners there are hashes of their own, and the rest carries jobs."""
 TELLS: Final = frozenset(
     {
         "cell_regression", "code_hash", "drawings", "formats", "gathered", "looks", "page", "plot", "rate_sample",

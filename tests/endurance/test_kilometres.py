@@ -20,7 +20,7 @@ from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.records import encode
 from interplan_sumo.batch.run_folder import read_run
 from interplan_sumo.batch.versions import versions
-from interplan_sumo.endurance.code_hash import ELSEWHERE, code_files
+from interplan_sumo.endurance.code_hash import code_files
 from interplan_sumo.endurance.kilometres import (
     ABOUT,
     EVENTS,
@@ -207,6 +207,15 @@ def test_a_folder_that_other_code_drove_is_refused_in_one_line(tmp_path: Path) -
     (tmp_path / ABOUT).write_bytes(encode(about).replace(b'"format":2', b'"format":1'))
     with pytest.raises(RunFolderError, match="of an older program"):
         drive_kilometres(still)
+
+
+ELSEWHERE = frozenset(
+    {
+        "batch", "errors", "families", "maps", "planner", "planner_options", "planner_process", "planner_seat",
+        "planner_source", "registry", "resources",
+    }
+)  # fmt: skip
+"""What a worker imports besides: of maps and planners there are hashes of their own, and the rest carries jobs."""
 
 
 def test_all_that_a_worker_imports_to_drive_is_in_the_hash_of_the_code() -> None:
