@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from math import inf
 from pathlib import Path
@@ -16,7 +17,7 @@ from interplan_learned.gameformer import inputs as gameformer_inputs
 from interplan_learned.gc_pgp import sizes as gc_pgp_sizes
 from interplan_sumo import tiny_worlds
 from interplan_sumo.dataset.reading import Dataset, read_dataset
-from interplan_sumo.errors import InputError
+from interplan_sumo.errors import InputError, InterplanError
 from tools.train.data import Balanced, Samples, held_out_split, read_samples
 from tools.train.recipe import Recipe, fields_of, find_recipe, recipe_names
 
@@ -25,14 +26,21 @@ pytestmark = pytest.mark.slow
 if TYPE_CHECKING:
     import torch
 
-    from tools.train import loop
+    from tools.train import crew, loop
     from tools.train.loop import EpochDone, Trained
 
-NEEDS_TORCH = {"torch": "torch", "loop": "tools.train.loop"}
+NEEDS_TORCH = {"torch": "torch", "loop": "tools.train.loop", "crew": "tools.train.crew"}
 
 
 def trained(
-    data: Dataset, checkpoint: Path, resume: bool = False, until: float = inf, max_minutes: float = inf, **settings: Any
+    data: Dataset,
+    checkpoint: Path,
+    *,
+    resume: bool = False,
+    until: float = inf,
+    max_minutes: float = inf,
+    processes: int = 1,
+    **settings: Any,
 ) -> tuple[Trained, list[EpochDone]]:
     """A training with other settings than the usual ones, interrupted after so many epochs."""
     recipe = find_recipe("pdm_open")
@@ -46,7 +54,10 @@ def trained(
 
     samples, held = read_samples(data, "train", recipe), read_samples(data, "val", recipe)
     kept = loop.Checkpoint(checkpoint, resume=resume)
-    return loop.train(recipe, samples, held, checkpoint=kept, on_epoch=tell, max_minutes=max_minutes), told
+    done = loop.train(
+        recipe, samples, held, checkpoint=kept, on_epoch=tell, max_minutes=max_minutes, processes=processes
+    )
+    return done, told
 
 
 def weights(done: Trained) -> np.ndarray:
@@ -72,6 +83,51 @@ def test_seeds_settle_the_weights_and_so_they_do_over_an_interruption(tiny_data:
     np.testing.assert_array_equal(weights(whole), weights(resumed))
     other, _ = trained(tiny_data, tmp_path / "other.pt", seed=1)
     assert not np.array_equal(weights(whole), weights(other))
+
+
+def test_processes_that_share_batches_learn_what_one_learns_and_the_same_each_time(
+    tiny_data: Dataset, tmp_path: Path
+) -> None:
+    alone, _ = trained(tiny_data, tmp_path / "alone.pt")
+    shared, told = trained(tiny_data, tmp_path / "shared.pt", processes=2)
+    with pytest.raises(KeyboardInterrupt):
+        trained(tiny_data, tmp_path / "again.pt", processes=2, until=2)
+    again, _ = trained(tiny_data, tmp_path / "again.pt", processes=2, resume=True)
+    np.testing.assert_array_equal(weights(shared), weights(again))
+    assert told[-1].held_out_m == pytest.approx(alone.held_out_m[-1], rel=0.2)
+    assert told[-1].held_out_m != alone.held_out_m[-1]  # another draw of the augmentation
+
+
+@pytest.mark.parametrize("rows", [1, 7])
+@pytest.mark.parametrize("processes", [1, 2, 3])
+def test_gradients_of_a_crew_are_those_of_the_whole_batch(processes: int, rows: int) -> None:
+    given = torch.linspace(-1.0, 2.0, 2 * rows).view(rows, 2)
+    model = torch.nn.Linear(2, 3)
+    team = crew.Crew(model, processes)
+
+    def gradients(seen: np.ndarray) -> list[torch.Tensor | None]:
+        model.zero_grad(set_to_none=True)
+        if len(seen):
+            model(given[seen]).square().mean().backward()
+        return [each.grad for each in model.parameters()]
+
+    def step() -> None:
+        seen = team.part(np.arange(rows))
+        gradients(seen)
+        team.agree(len(seen) / rows)
+
+    wanted = gradients(np.arange(rows))
+    with team.together(step):
+        step()
+    torch.testing.assert_close([each.grad for each in model.parameters()], wanted)
+
+
+def test_a_training_ends_with_a_process_of_it(tiny_data: Dataset, tmp_path: Path) -> None:
+    team = crew.Crew(torch.nn.Linear(1, 1), 2)
+    with pytest.raises(InterplanError, match="has ended; go on with --resume"), team.together(lambda: os._exit(1)):
+        team.agree(0.5)
+    with pytest.raises(InputError, match="processes is 0, expected 1 or more"):
+        trained(tiny_data, tmp_path / "none.pt", processes=0)
 
 
 def test_it_stops_in_time_and_where_nothing_gets_better(tiny_data: Dataset, tmp_path: Path) -> None:

@@ -47,7 +47,7 @@ def train(
     resume: Annotated[bool, typer.Option("--resume", help="go on from the checkpoint in --work")] = False,
     work: Annotated[Path, typer.Option(help="folder for checkpoints")] = Path("runs/training"),
     device: Annotated[str, typer.Option(help="cpu or cuda")] = "cpu",
-    threads: Annotated[int, typer.Option(help="of the processor; more than 1 only where the machine is idle")] = 1,
+    processes: Annotated[int, typer.Option(help="that share each batch; more than 1 where cores are idle")] = 1,
 ) -> None:
     """Train a planner's network on a data set and write it with its model card."""
     library("torch", "training", "train")
@@ -60,7 +60,7 @@ def train(
         TrainRequest(
             planner=planner, data=data, out=out, work=work, name=name, size=size,
             options=_options(option or []), settings={key: value for key, value in given.items() if value is not None},
-            share=share, resume=resume, device=device, threads=threads, max_minutes=max_minutes,
+            share=share, resume=resume, device=device, processes=processes, max_minutes=max_minutes,
         ),
         _told,
     )  # fmt: skip

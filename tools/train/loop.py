@@ -18,6 +18,7 @@ from torch import Tensor, nn
 from interplan_sumo.dataset.columns import Columns
 from interplan_sumo.errors import InputError
 from interplan_sumo.world.files import replacing
+from tools.train.crew import Crew
 from tools.train.data import Balanced, Samples
 from tools.train.metrics import constant_velocity, plan_errors
 from tools.train.recipe import Batch, Recipe
@@ -75,7 +76,7 @@ def train(
     *,
     checkpoint: Checkpoint,
     device: str = "cpu",
-    threads: int = 1,
+    processes: int = 1,
     max_minutes: float | None = None,
     on_epoch: Callable[[EpochDone], None] = lambda _done: None,
 ) -> Trained:
@@ -83,10 +84,10 @@ def train(
 
     After each epoch everything is in the checkpoint; a training that resumes goes
     on from there and comes to the same weights as without a break. Equal seeds
-    give equal weights on the same kind of machine with as many threads.
+    give equal weights on the same kind of machine with as many processes, which share each batch.
     InputError if the checkpoint is of another training, or there is no such device.
     """
-    _settle(device, threads)
+    _settle(device, processes)
     settings = recipe.settings
     torch.manual_seed(settings.seed)
     model = recipe.make_model().to(device)
@@ -96,21 +97,32 @@ def train(
     if checkpoint.resume:
         state.read(device)
     balanced = Balanced(samples.columns["ego_future"])
+    crew = Crew(model, processes)
+
+    def learned(epoch: int) -> float:
+        loss = _one_epoch(recipe, model, rule, samples, balanced, epoch, device, crew)
+        falling.step()
+        return loss
+
+    def follow() -> None:
+        for epoch in range(state.epoch, settings.epochs):
+            learned(epoch)
+
     began = time.monotonic() - state.seconds
     stopped = "epochs"
-    while state.epoch < settings.epochs:
-        if state.epoch - state.best_epoch >= settings.patience:
-            stopped = "patience"
-            break
-        if max_minutes is not None and time.monotonic() - began >= 60.0 * max_minutes:
-            stopped = "time"
-            break
-        loss = _one_epoch(recipe, model, rule, samples, balanced, state.epoch, device)
-        falling.step()
-        error_m = held_out_errors(recipe, model, held, device)["ade"]
-        state.seconds = time.monotonic() - began
-        state.done(error_m)
-        on_epoch(EpochDone(state.epoch, settings.epochs, loss, error_m, state.best_m, state.seconds))
+    with crew.together(follow):
+        while state.epoch < settings.epochs:
+            if state.epoch - state.best_epoch >= settings.patience:
+                stopped = "patience"
+                break
+            if max_minutes is not None and time.monotonic() - began >= 60.0 * max_minutes:
+                stopped = "time"
+                break
+            loss = learned(state.epoch)
+            error_m = held_out_errors(recipe, model, held, device)["ade"]
+            state.seconds = time.monotonic() - began
+            state.done(error_m)
+            on_epoch(EpochDone(state.epoch, settings.epochs, loss, error_m, state.best_m, state.seconds))
     model.load_state_dict(state.best)
     return Trained(model.eval(), tuple(state.held_out_m), state.best_epoch, state.seconds, stopped)
 
@@ -148,25 +160,34 @@ def _one_epoch(
     balanced: Balanced,
     epoch: int,
     device: str,
+    crew: Crew,
 ) -> float:
-    """The mean loss; all randomness is the seed's and the epoch's, so that an epoch does not depend on a break."""
+    """The mean loss of what this process of the crew looks at.
+
+    All randomness is the seed's, the epoch's and the process's, so that an epoch does not depend on a break.
+    """
     settings = recipe.settings
     rng = np.random.default_rng((settings.seed, epoch))
-    torch.manual_seed(int(rng.integers(2**31)))
+    seed = int(rng.integers(2**31))
     order = balanced.draw(rng)
+    if crew.rank:
+        rng = np.random.default_rng((settings.seed, epoch, crew.rank))
+    torch.manual_seed(seed + crew.rank)
     model.train()
-    total = 0.0
+    total, count = 0.0, 0
     for first in range(0, len(order), settings.batch):
-        rows = order[first : first + settings.batch]
-        batch = batch_of(recipe, recipe.augmented(samples.picked(rows), rng), device)
-        done = (epoch + first / len(order)) / settings.epochs
+        drawn = order[first : first + settings.batch]
+        rows = crew.part(drawn)
         rule.zero_grad(set_to_none=True)
-        loss: Tensor = recipe.loss(model, batch, done)
-        loss.backward()
+        if len(rows):
+            batch = batch_of(recipe, recipe.augmented(samples.picked(rows), rng), device)
+            loss: Tensor = recipe.loss(model, batch, (epoch + first / len(order)) / settings.epochs)
+            loss.backward()
+            total, count = total + float(loss.detach()) * len(rows), count + len(rows)
+        crew.agree(len(rows) / len(drawn))
         nn.utils.clip_grad_norm_(model.parameters(), CLIP_NORM)
         rule.step()
-        total += float(loss.detach()) * len(rows)
-    return total / len(order)
+    return total / count
 
 
 def _parts(held: Samples) -> Iterator[Columns]:
@@ -174,14 +195,16 @@ def _parts(held: Samples) -> Iterator[Columns]:
         yield held.picked(np.arange(first, min(first + _HELD_BATCH, len(held))))
 
 
-def _settle(device: str, threads: int) -> None:
+def _settle(device: str, processes: int) -> None:
+    if device != "cpu" and processes > 1:
+        raise InputError(f"only the processor is shared by processes, not {device!r}; leave --processes away")
     if device != "cpu" and not torch.cuda.is_available():
         raise InputError(f"there is no device {device!r} here; train with --device cpu")
     os.environ.setdefault("CUBLAS_WORKSPACE_CONFIG", ":4096:8")  # what CUDA wants for equal results
     torch.use_deterministic_algorithms(True)
     # nothing reads what is not filled, and filling it takes 5 to 10 % of the time
     torch.utils.deterministic.fill_uninitialized_memory = False  # type: ignore[attr-defined]  # a module with a property
-    torch.set_num_threads(threads)
+    torch.set_num_threads(1)
 
 
 def _fingerprint(recipe: Recipe, data_hash: str) -> str:

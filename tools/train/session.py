@@ -55,7 +55,8 @@ class TrainRequest:
     """Of the drives to learn from."""
     resume: bool = False
     device: str = "cpu"
-    threads: int = 1
+    processes: int = 1
+    """That share each batch."""
     max_minutes: float | None = None
 
 
@@ -70,7 +71,7 @@ def train_planner(request: TrainRequest, on_epoch: Callable[[EpochDone], None]) 
     trained = train(
         recipe, samples, held,
         checkpoint=Checkpoint(request.work / name / "checkpoint.pt", f"{dataset.hash} {len(samples)}", request.resume),
-        device=request.device, threads=request.threads, max_minutes=request.max_minutes, on_epoch=on_epoch,
+        device=request.device, processes=request.processes, max_minutes=request.max_minutes, on_epoch=on_epoch,
     )  # fmt: skip
     model = trained.model.cpu()
     round_to_half(model)
@@ -116,7 +117,7 @@ def _training(recipe: Recipe, trained: Trained, held_split: str, request: TrainR
         "held_out_m": [round(error_m, 4) for error_m in trained.held_out_m],
         "minutes": round(trained.seconds / 60.0, 1),
         "device": request.device,
-        "threads": request.threads,
+        "processes": request.processes,
         "date": datetime.now(UTC).date().isoformat(),
     }
 
