@@ -27,7 +27,7 @@ from tools import kept_drives
 from tools.hard_scores import HARD
 from tools.kept_drives import folder_of, take
 from tools.kilometres import KEPT, keep_kilometres
-from tools.tables import PAGES, ROOT, TABLE, TABLES, Drives, stored, written
+from tools.tables import PAGES, ROOT, TABLE, TABLES, Drives, Pages, stored
 
 
 @pytest.fixture(scope="module")
@@ -35,23 +35,28 @@ def drives() -> dict[str, Drives]:
     return stored()
 
 
+@pytest.fixture(scope="module")
+def pages(drives: dict[str, Drives]) -> Pages:
+    return Pages(drives)
+
+
 LONG = ("docs/benchmark.md", "docs/endurance.md", "docs/hard_scenes.md")
 """Pages whose figures take seconds, for they are drawn again many times."""
 
 
 @pytest.mark.parametrize("page", [pytest.param(page, marks=[pytest.mark.slow] * (page in LONG)) for page in PAGES])
-def test_each_figure_is_what_the_stored_drives_give(page: str, drives: dict[str, Drives]) -> None:
+def test_each_figure_is_what_the_stored_drives_give(page: str, pages: Pages) -> None:
     text = (ROOT / page).read_text(encoding="utf-8")
     assert TABLE.search(text) is not None
-    assert written(text, drives) == text
+    assert pages.written(text) == text
 
 
-def test_every_table_stands_somewhere_and_another_figure_would_be_put_right(drives: dict[str, Drives]) -> None:
+def test_every_table_stands_somewhere_and_another_figure_would_be_put_right(pages: Pages) -> None:
     texts = [(ROOT / page).read_text(encoding="utf-8") for page in PAGES]
     assert {name for text in texts for name in TABLE.findall(text)} == set(TABLES)
     wrong = texts[0].replace("| `foresight` (ours) | ", "| `foresight` (ours) | 1")
     assert wrong != texts[0]
-    assert written(wrong, drives) == texts[0]
+    assert pages.written(wrong) == texts[0]
 
 
 def test_the_stored_drives_are_all_of_the_suites_as_they_are(drives: dict[str, Drives]) -> None:

@@ -1,13 +1,13 @@
 """The tables of README and docs, from stored drives: `python -m tools.tables [--take RUN]`, or `make tables`.
 
-A table stands between `<!-- table: NAME -->` and `<!-- end of table -->`, and is what the drives in docs/results give;
-nobody types its figures. `--take` puts the drives of a run folder there first, each suite in a folder of its own, in
-place of what the same planners drove before, and without traces and details that no table needs:
-`interplan-sumo report docs/results/interplan-1` reads them like any other run. `--take-hidden` keeps the scores in hard
-scenes that are not shipped, and nothing that tells of the scenes. `--take-sweep` keeps what a sweep of tracks or of
-drivers found, `--take-seeds` the scores of a run with several seeds, `--take-fresh` those of runs of generated scenes,
-`--take-kilometres` the segments of `endure`, `--take-parts` the errors of networks that learned from parts of the data,
-by their cards.
+A table stands between `<!-- table: NAME -->` and `<!-- end of table -->`, and is what the drives in docs/results
+give; nobody types its figures, nor those of the prose (`tools.figures`). `--take` puts the drives of a run folder
+there first, each suite in a folder of its own, in place of what the same planners drove before, and without traces
+and details that no table needs: `interplan-sumo report docs/results/interplan-1` reads them like any other run.
+`--take-hidden` keeps the scores in hard scenes that are not shipped, and nothing that tells of the scenes. `--take-
+sweep` keeps what a sweep of tracks or of drivers found, `--take-seeds` the scores of a run with several seeds,
+`--take-fresh` those of runs of generated scenes, `--take-kilometres` the segments of `endure`, `--take-parts` the
+errors of networks that learned from parts of the data, by their cards.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from __future__ import annotations
 import argparse
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Final
@@ -39,8 +39,10 @@ from interplan_sumo.report.paper_comparison import (
 from interplan_sumo.report.table import PAPER_PROFILE, ResultsTable, make_table
 from interplan_sumo.report.text import points_text
 from interplan_sumo.verification.solvers import SOLVED_SCORE
+from tools import foresight
 from tools.beside_scenes import kilometres_order, kilometres_suites
 from tools.cells import DRIVEN, FAMILIES, RARE, best_first, by_family, cell_text, family_titles, with_interval
+from tools.figures import with_figures
 from tools.fresh_scenes import fresh, keep_fresh
 from tools.hard_scores import (
     DRAWS,
@@ -293,6 +295,8 @@ TABLES: Final[Mapping[str, tuple[Callable[..., list[str]], tuple[str, ...]]]] = 
     "near_paper": (near_paper, (SMALL,)),
     "large": (planners, (LARGE,)),
     "large_detectable": (detectable, (LARGE,)),
+    "large_lost": (lambda large: foresight.lost(large.strict), (LARGE,)),
+    "budget": (lambda large: foresight.budget(large.run), (LARGE,)),
     "ordinary": (ordinary, (ORDINARY,)),
     "ordinary_lost": (lambda ordinary: lost(ordinary, DRIVEN), (ORDINARY,)),
     "ordinary_order": (ordinary_order, (ORDINARY,)),
@@ -331,17 +335,31 @@ def stored() -> dict[str, Drives]:
     return {suite: Drives(read_run(folder_of(suite))) for suite in (SMALL, LARGE, ORDINARY, HARD, ASKED)}
 
 
-def written(page: str, drives: Mapping[str, Drives]) -> str:
-    """The text of a page with its tables made anew."""
+@dataclass(frozen=True)
+class Pages:
+    """Pages of stored drives."""
 
-    def made(found: re.Match[str]) -> str:
-        name = found[1]
-        of, suites = TABLES[name]
-        lines = of(*(drives[suite] for suite in suites))
-        body = [f"| {line} |" if " | " in line else f"|{line}|" for line in lines] if len(lines) > 1 else lines
-        return "\n".join((f"<!-- table: {name} -->", *body, "<!-- end of table -->", ""))
+    drives: Mapping[str, Drives]
+    _made: dict[str, list[str]] = field(default_factory=dict)
 
-    return TABLE.sub(made, page)
+    def table(self, name: str) -> list[str]:
+        """Its lines. LookupError if there is none of that name."""
+        if name not in TABLES:
+            raise LookupError(f"no table {name!r}")
+        if name not in self._made:
+            of, suites = TABLES[name]
+            self._made[name] = of(*(self.drives[suite] for suite in suites))
+        return self._made[name]
+
+    def written(self, page: str) -> str:
+        """The text of a page with its tables and figures made anew."""
+
+        def made(found: re.Match[str]) -> str:
+            lines = self.table(found[1])
+            body = [f"| {line} |" if " | " in line else f"|{line}|" for line in lines] if len(lines) > 1 else lines
+            return "\n".join((f"<!-- table: {found[1]} -->", *body, "<!-- end of table -->", ""))
+
+        return with_figures(TABLE.sub(made, page), self.table)
 
 
 def main() -> None:
@@ -373,9 +391,9 @@ def main() -> None:
         keep_kilometres(given.take_kilometres)
     if given.take_parts is not None:
         keep_scaling(given.take_parts)
-    drives = stored()
+    pages = Pages(stored())
     for page in PAGES:
-        (ROOT / page).write_text(written((ROOT / page).read_text(encoding="utf-8"), drives), encoding="utf-8")
+        (ROOT / page).write_text(pages.written((ROOT / page).read_text(encoding="utf-8")), encoding="utf-8")
 
 
 if __name__ == "__main__":
