@@ -98,10 +98,23 @@ def test_controls_are_bounded_without_them_it_goes_straight_on_and_nobody_drives
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
-def test_positive_curvature_turns_left(side: float) -> None:
-    poses = driven(0.0, 0.1 * side)  # a radius of 20 m
-    assert side * poses[9, 1] > 0.0
-    np.testing.assert_allclose(poses[:, 2], side * 0.05 * 0.8 * np.arange(1, 81), rtol=1e-4)
+@pytest.mark.parametrize(("speed_mps", "radius_m"), [(2.0, 4.0), (4.0, 4.0), (8.0, 16.0), (12.0, 36.0)])
+def test_positive_curvature_turns_left_as_narrowly_as_a_car_can(side: float, speed_mps: float, radius_m: float) -> None:
+    for share in (1.0, 0.1):
+        poses = driven(0.0, share * side, speed_mps)
+        assert side * poses[9, 1] > 0.0
+        turned = side * share * 0.1 * speed_mps / radius_m * np.arange(1, 81)
+        np.testing.assert_allclose(poses[:, 2], turned, rtol=1e-4)
+
+
+def test_an_untrained_network_goes_on_as_it_does() -> None:
+    torch.manual_seed(0)
+    ego = torch.zeros(1, 7)
+    ego[0, 3] = 8.0
+    width = scene_encoder.EncoderSize(**SMALL).width
+    head = made.PlanHead(scene_encoder.EncoderSize(**SMALL)).eval()
+    plan = head(torch.randn(1, MODES, width), torch.randn(1, 2, 10, 3), ego)[0].detach().numpy()
+    np.testing.assert_allclose(plan, driven(0.0, 0.0), atol=0.5)
 
 
 def test_a_level_answers_to_what_the_others_were_going_to_do() -> None:

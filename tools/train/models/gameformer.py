@@ -34,8 +34,11 @@ from tools.train.scene_encoder import (
 LEVELS: Final = 2
 """Above level 0: as the published planner was trained."""
 ACCELERATION_MPS2: Final = 5.0
-CURVATURE_PER_M: Final = 0.5
-"""The plan's controls stay within these."""
+LATERAL_MPS2: Final = 4.0
+CURVATURE_PER_M: Final = 0.25
+"""The plan's controls stay within these. The published ones allow the same curvature at all speeds, so that a
+thousandth of it too much for 3 s is a degree at 10 m/s: headings came out 0.1 rad off, here half of it.
+"""
 LOG_SIGMA: Final = 2.0
 """Logarithms of standard deviations (m) stay within plus and minus this."""
 LABEL_SMOOTHING: Final = 0.2
@@ -218,6 +221,9 @@ class PlanHead(nn.Module):
             nn.Dropout(size.dropout),
             nn.Linear(size.width, 2 * PLAN_STEPS),
         )
+        # at first about straight on, as fast as now
+        nn.init.uniform_(self.controls[-1].weight, -1e-3, 1e-3)
+        nn.init.zeros_(self.controls[-1].bias)
 
     def forward(self, content: Tensor, route_lanes: Tensor, ego: Tensor) -> Tensor:
         """(B, 80, 3) from the ego's contents (B, M, width) of the last level and its present state (B, C)."""
@@ -229,14 +235,16 @@ class PlanHead(nn.Module):
 def driven(controls: Tensor, ego: Tensor) -> Tensor:
     """(B, T, 3) poses from controls (B, T, 2) between -1 and 1, shares of the largest acceleration and curvature.
 
-    `ego` (B, C) is its present state; nobody drives backwards. Sums are products
-    with a triangle of ones, which CUDA also computes the same each time.
+    The largest curvature is that of the narrowest bend, or what `LATERAL_MPS2` allows at
+    that speed. `ego` (B, C) is its present state; nobody drives backwards. Sums are
+    products with a triangle of ones, which CUDA also computes the same each time.
     """
     summed = torch.ones(controls.shape[1], controls.shape[1], device=controls.device).triu()
     velocity = ego[:, (EGO_CHANNELS.index("vx"), EGO_CHANNELS.index("vy"))]
     speed = velocity.square().sum(dim=-1, keepdim=True).sqrt()
     step_m = PLAN_STEP_S * (speed + ACCELERATION_MPS2 * PLAN_STEP_S * controls[..., 0] @ summed).clamp(min=0.0)
-    yaw = CURVATURE_PER_M * (controls[..., 1] * step_m) @ summed
+    allowed = LATERAL_MPS2 / (step_m.detach() / PLAN_STEP_S).square().clamp(min=LATERAL_MPS2 / CURVATURE_PER_M)
+    yaw = (allowed * controls[..., 1] * step_m) @ summed
     return torch.stack(((step_m * yaw.cos()) @ summed, (step_m * yaw.sin()) @ summed, yaw), dim=-1)
 
 
