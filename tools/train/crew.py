@@ -6,9 +6,10 @@ import mmap
 import multiprocessing
 import os
 import signal
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from multiprocessing.connection import wait
+from multiprocessing.process import BaseProcess
 from threading import BrokenBarrierError, Thread
 
 import torch
@@ -47,8 +48,7 @@ class Crew:
         others = [fork.Process(target=self._follow, args=(work, rank), daemon=True) for rank in ranks]
         for other in others:
             other.start()
-        if others:
-            Thread(target=self._abort_after, args=([other.sentinel for other in others],), daemon=True).start()
+        Thread(target=self._abort_with, args=(others,), daemon=True).start()
         try:
             yield
         except BrokenBarrierError:
@@ -80,9 +80,12 @@ class Crew:
         self.rank = rank
         work()
 
-    def _abort_after(self, sentinels: list[int]) -> None:
-        wait(sentinels)
-        self._meeting.abort()
+    def _abort_with(self, others: Sequence[BaseProcess]) -> None:
+        """Let nobody wait for who has failed; who is done leaves, for the last steps are those of all."""
+        while at_work := [other for other in others if other.exitcode is None]:
+            wait([other.sentinel for other in at_work])
+            if any(other.exitcode for other in others):
+                self._meeting.abort()
 
 
 def _end_with_parent() -> None:
