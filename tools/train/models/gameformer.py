@@ -215,15 +215,11 @@ class PlanHead(nn.Module):
         super().__init__()
         self.route = LineEncoder(("x", "y", "yaw"), size.width)
         self.attention = AttentionLayer(size)
-        self.controls = nn.Sequential(
-            nn.Linear(2 * size.width, size.width),
-            nn.ELU(),
-            nn.Dropout(size.dropout),
-            nn.Linear(size.width, 2 * PLAN_STEPS),
-        )
+        last = nn.Linear(size.width, 2 * PLAN_STEPS)
         # at first about straight on, as fast as now
-        nn.init.uniform_(self.controls[-1].weight, -1e-3, 1e-3)
-        nn.init.zeros_(self.controls[-1].bias)
+        nn.init.uniform_(last.weight, -1e-3, 1e-3)
+        nn.init.zeros_(last.bias)
+        self.controls = nn.Sequential(nn.Linear(2 * size.width, size.width), nn.ELU(), nn.Dropout(size.dropout), last)
 
     def forward(self, content: Tensor, route_lanes: Tensor, ego: Tensor) -> Tensor:
         """(B, 80, 3) from the ego's contents (B, M, width) of the last level and its present state (B, C)."""
