@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import os
+import select
+import signal
+import time
 from dataclasses import replace
 from math import inf
 from pathlib import Path
@@ -122,12 +125,51 @@ def test_gradients_of_a_crew_are_those_of_the_whole_batch(processes: int, rows: 
     torch.testing.assert_close([each.grad for each in model.parameters()], wanted)
 
 
-def test_a_training_ends_with_a_process_of_it(tiny_data: Dataset, tmp_path: Path) -> None:
-    team = crew.Crew(torch.nn.Linear(1, 1), 2)
-    with pytest.raises(InterplanError, match="has ended; go on with --resume"), team.together(lambda: os._exit(1)):
-        team.agree(0.5)
+@pytest.mark.parametrize("rows", [0, 3])
+def test_a_training_ends_with_a_process_of_it(rows: int) -> None:
+    """Whether that ends at once, or while it waits for the others."""
+    team = crew.Crew(torch.nn.Linear(1, 1), 3)
+
+    def work() -> None:
+        for _ in range(rows):
+            team.agree(0.3)
+        if team.rank == 2:
+            os._exit(1)
+        team.agree(0.3)
+
+    with pytest.raises(InterplanError, match="has ended; go on with --resume"), team.together(work):
+        work()
+
+
+def test_who_follows_ends_with_the_first() -> None:
+    """However that ends: whoever waits for it sees its lines close."""
+    seen, told = os.pipe()
+    first = os.fork()
+    if first == 0:
+        team = crew.Crew(torch.nn.Linear(1, 1), 3)
+        with team.together(lambda: team.agree(0.3)):
+            os.close(seen)
+            time.sleep(0.5)
+            os.kill(os.getpid(), signal.SIGKILL)
+    os.close(told)
+    os.waitpid(first, 0)
+    assert select.select([seen], [], [], 20.0)[0] == [seen]
+    assert os.read(seen, 1) == b""  # nobody holds the other end any more
+    os.close(seen)
+
+
+def test_what_cannot_learn_together_is_said(tiny_data: Dataset, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="processes is 0, expected 1 or more"):
         trained(tiny_data, tmp_path / "none.pt", processes=0)
+    done, _ = trained(tiny_data, tmp_path / "many.pt", processes=3, batch=2, epochs=1)  # one of them never has a row
+    assert done.epochs == 1
+    with pytest.raises(InputError, match="is of another training"):
+        trained(tiny_data, tmp_path / "many.pt", processes=2, batch=2, epochs=1, resume=True)
+
+
+def test_a_training_whose_plans_are_no_numbers_ends(tiny_data: Dataset, tmp_path: Path) -> None:
+    with pytest.raises(InterplanError, match="after epoch 1 the plans are no numbers; give a --learning-rate"):
+        trained(tiny_data, tmp_path / "wild.pt", learning_rate=1e30)
 
 
 def test_it_stops_in_time_and_where_nothing_gets_better(tiny_data: Dataset, tmp_path: Path) -> None:

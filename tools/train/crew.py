@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import mmap
 import multiprocessing
-import os
 import signal
-from collections.abc import Callable, Generator, Sequence
+import sys
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
-from multiprocessing.connection import wait
-from multiprocessing.process import BaseProcess
-from threading import BrokenBarrierError, Thread
+from multiprocessing.connection import Connection
+from multiprocessing.context import ForkContext
+from typing import Final
 
 import torch
-from torch import nn
+from torch import Tensor, nn
 
 from interplan_sumo.errors import InputError, InterplanError
 from interplan_sumo.world.geometry import Ints
+
+_SLOTS: Final = 2
+"""Gradients are written in turn here and there: who is a step ahead still leaves the last ones as they were."""
+_SIGN: Final = b"."
 
 
 class Crew:
@@ -36,60 +40,71 @@ class Crew:
         self.rank = 0
         self._parameters = list(model.parameters())
         self._counts = [each.numel() for each in self._parameters]
-        self._meeting = multiprocessing.Barrier(size)
-        shared = mmap.mmap(-1, 4 * size * sum(self._counts))
-        self._gradients = torch.frombuffer(shared, dtype=torch.float32).view(size, -1)
+        shared = mmap.mmap(-1, 4 * _SLOTS * size * sum(self._counts))
+        self._slots: tuple[Tensor, ...] = torch.frombuffer(shared, dtype=torch.float32).view(_SLOTS, size, -1).unbind()
+        self._steps = 0
+        self._others: list[Connection] = []
+        """Ours of the lines to the others; to the first alone, of one of them."""
 
     @contextmanager
     def together(self, work: Callable[[], None]) -> Generator[None]:
-        """While the block runs the others do `work`. InterplanError if one of them ends before."""
-        ranks = range(1, self.size)
-        fork = multiprocessing.get_context("fork" if ranks else None)
-        others = [fork.Process(target=self._follow, args=(work, rank), daemon=True) for rank in ranks]
-        for other in others:
-            other.start()
-        Thread(target=self._abort_with, args=(others,), daemon=True).start()
+        """While the block runs the others do `work`. InterplanError if one of them ends while it is waited for."""
+        processes: list[multiprocessing.process.BaseProcess] = []
         try:
+            for rank in range(1, self.size):
+                processes.append(self._begun(multiprocessing.get_context("fork"), work, rank))
             yield
-        except BrokenBarrierError:
+        except (EOFError, ConnectionError):
             raise InterplanError("a process of the training has ended; go on with --resume") from None
         finally:
-            for other in others:
-                other.terminate()
-                other.join()
+            for line in self._others:
+                line.close()
+            for process in processes:
+                process.terminate()
+                process.join()
 
     def part(self, rows: Ints) -> Ints:
         """The rows of a batch that this process looks at."""
         return rows[self.rank :: self.size]
 
     def agree(self, share: float) -> None:
-        """Make everybody's gradients those of the whole batch, of which this process has seen a share."""
+        """Make everybody's gradients the mean of those of the parts; `share` is that of this process of the batch.
+
+        That is the gradient of the whole batch where a loss is a mean over its rows. Where it is one over what is
+        known of them, rows weigh more in a part of which less is known.
+        """
         if self.size == 1:
             return
-        for each, place in zip(self._parameters, self._gradients[self.rank].split(self._counts), strict=True):
+        slot = self._slots[self._steps % _SLOTS]
+        self._steps += 1
+        for each, place in zip(self._parameters, slot[self.rank].split(self._counts), strict=True):
             place.copy_(torch.zeros_like(place) if each.grad is None else share * each.grad.flatten())
-        self._meeting.wait()
-        mean = self._gradients.sum(dim=0)
-        self._meeting.wait()
+        if self.rank:
+            self._others[0].send_bytes(_SIGN)
+            self._others[0].recv_bytes()
+        else:
+            for line in self._others:
+                line.recv_bytes()
+            for line in self._others:
+                line.send_bytes(_SIGN)
+        mean = slot.sum(dim=0)
         for each, gradient in zip(self._parameters, mean.split(self._counts), strict=True):
             each.grad = gradient.view_as(each)
 
-    def _follow(self, work: Callable[[], None], rank: int) -> None:
+    def _begun(self, fork: ForkContext, work: Callable[[], None], rank: int) -> multiprocessing.process.BaseProcess:
+        ours, theirs = fork.Pipe()
+        self._others.append(ours)
+        process = fork.Process(target=self._follow, args=(work, rank, theirs), daemon=True)
+        process.start()
+        theirs.close()  # so that the line ends with the process: nobody else has that end of it
+        return process
+
+    def _follow(self, work: Callable[[], None], rank: int, first: Connection) -> None:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-        Thread(target=_end_with_parent, daemon=True).start()
-        self.rank = rank
-        work()
-
-    def _abort_with(self, others: Sequence[BaseProcess]) -> None:
-        """Let nobody wait for who has failed; who is done leaves, for the last steps are those of all."""
-        while at_work := [other for other in others if other.exitcode is None]:
-            wait([other.sentinel for other in at_work])
-            if any(other.exitcode for other in others):
-                self._meeting.abort()
-
-
-def _end_with_parent() -> None:
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-    parent.join()
-    os._exit(1)
+        for line in self._others:
+            line.close()  # nor that of the first process
+        self.rank, self._others = rank, [first]
+        try:
+            work()
+        except (EOFError, ConnectionError):
+            sys.exit(1)  # the first has ended

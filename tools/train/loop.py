@@ -7,7 +7,8 @@ import os
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
-from math import inf
+from hashlib import sha256
+from math import inf, isfinite
 from pathlib import Path
 from typing import Any, Final
 
@@ -16,7 +17,7 @@ import torch
 from torch import Tensor, nn
 
 from interplan_sumo.dataset.columns import Columns
-from interplan_sumo.errors import InputError
+from interplan_sumo.errors import InputError, InterplanError
 from interplan_sumo.world.files import replacing
 from tools.train.crew import Crew
 from tools.train.data import Balanced, Samples
@@ -93,7 +94,7 @@ def train(
     model = recipe.make_model().to(device)
     rule = torch.optim.AdamW(model.parameters(), lr=settings.learning_rate, weight_decay=settings.weight_decay)
     falling = torch.optim.lr_scheduler.CosineAnnealingLR(rule, settings.epochs)
-    state = _State(model, rule, falling, _fingerprint(recipe, checkpoint.data_hash), checkpoint.path)
+    state = _State(model, rule, falling, _fingerprint(recipe, checkpoint.data_hash, processes), checkpoint.path)
     if checkpoint.resume:
         state.read(device)
     balanced = Balanced(samples.columns["ego_future"])
@@ -120,6 +121,8 @@ def train(
                 break
             loss = learned(state.epoch)
             error_m = held_out_errors(recipe, model, held, device)["ade"]
+            if not isfinite(error_m):
+                raise InterplanError(f"after epoch {state.epoch + 1} the plans are no numbers; give a --learning-rate")
             state.seconds = time.monotonic() - began
             state.done(error_m)
             on_epoch(EpochDone(state.epoch, settings.epochs, loss, error_m, state.best_m, state.seconds))
@@ -207,12 +210,13 @@ def _settle(device: str, processes: int) -> None:
     torch.set_num_threads(1)
 
 
-def _fingerprint(recipe: Recipe, data_hash: str) -> str:
+def _fingerprint(recipe: Recipe, data_hash: str, processes: int) -> str:
     """What a checkpoint must agree in with the training that goes on from it."""
+    code = sha256(b"".join(path.read_bytes() for path in sorted(Path(__file__).parent.rglob("*.py"))))
     return json.dumps(
         {
             "planner": recipe.planner, "size": recipe.size, "options": dict(recipe.options),
-            "settings": asdict(recipe.settings), "data": data_hash,
+            "settings": asdict(recipe.settings), "data": data_hash, "processes": processes, "code": code.hexdigest(),
         },
         sort_keys=True,
     )  # fmt: skip
@@ -272,8 +276,8 @@ class _State:
             raise InputError(f"cannot read the checkpoint {self._path}: {why}; train without --resume") from None
         if fingerprint != self._fingerprint:
             raise InputError(
-                f"the checkpoint {self._path} is of another training (planner, options, settings or data differ); "
-                "train without --resume"
+                f"the checkpoint {self._path} is of another training (planner, options, settings, processes, data "
+                "or code differ); train without --resume"
             )
         for name, part in self._parts.items():
             part.load_state_dict(held[name])
