@@ -129,7 +129,29 @@ def test_kilometres_of_other_code_are_renewed_if_a_sample_of_them_comes_again(
     assert (now.code, now.planners) == (about.code, about.planners)
     assert [each.trace_hash for each in read_segments(out)] == [each.trace_hash for each in driven]
 
-    lines = (kept / SEGMENTS).read_bytes()
+    (out / SEGMENTS).write_bytes((out / SEGMENTS).read_bytes()[:-40])  # a kill has torn the last
+    tools.renewed_kilometres.main()
+    assert [each.trace_hash for each in read_segments(out)] == [each.trace_hash for each in driven]
+
+    monkeypatch.setattr(sys, "argv", [each if each != "door" else "jaywalker" for each in command])
+    with pytest.raises(SystemExit, match="is of another command or of other code; give a new folder"):
+        tools.renewed_kilometres.main()
+
+    monkeypatch.setattr(tools.kilometres, "KEPT", kept)
+    lines = (out / SEGMENTS).read_bytes()
+    (out / SEGMENTS).write_bytes(lines.split(b"\n")[0] + b"\n")
+    with pytest.raises(
+        SystemExit, match=f"of other code, and {len(driven) - 1} segments of it are not here; renew all"
+    ):
+        keep_kilometres([out])
+    (out / SEGMENTS).write_bytes(lines)
+    keep_kilometres([out])
+    assert decode((kept / ABOUT).read_bytes(), AboutEndure).code == about.code
+
+    (kept / ABOUT).write_bytes(encode(old))
     (kept / SEGMENTS).write_bytes(lines.replace(b'"trace_hash":"', b'"trace_hash":"x'))
+    other = tmp_path / "other"
+    monkeypatch.setattr(sys, "argv", ["renewed", str(other), *command[2:]])
     with pytest.raises(SystemExit, match="2 of 2 segments did not come again"):
         tools.renewed_kilometres.main()
+    assert len(read_segments(other)) == 2  # nothing is taken for untouched

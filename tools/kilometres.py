@@ -17,7 +17,7 @@ from interplan_sumo.batch.records import decode, encode
 from interplan_sumo.endurance.cell_regression import cell_regression
 from interplan_sumo.endurance.formats import FigureTable, rates_table, regression_tables
 from interplan_sumo.endurance.gathered import read_kilometres
-from interplan_sumo.endurance.kilometres import ABOUT, SEGMENTS, AboutEndure
+from interplan_sumo.endurance.kilometres import ABOUT, SEGMENTS, AboutEndure, read_segments
 from interplan_sumo.endurance.looks import hours_needed, stopped_at
 from interplan_sumo.endurance.rate_sample import MEASURES, MeasureKey, measure_of
 from interplan_sumo.endurance.rates import RateEstimate, endurance_rates
@@ -34,16 +34,39 @@ PILOT_M: Final = 50_000.0
 ROUNDS: Final = 2
 """Segments of each cell from one look to the next."""
 
+Key = tuple[object, ...]
+"""Which segment it is, whoever drove it when."""
+
+
+def key_of(segment: SegmentRecord) -> Key:
+    return segment.planner, segment.cell, segment.seed, segment.index
+
 
 def keep_kilometres(folders: Iterable[Path]) -> None:
-    """Put the segments of folders of `endure` beside those that are kept; InputError if they are of other code."""
-    every = [*([KEPT] if (KEPT / ABOUT).is_file() else ()), *folders]
+    """Put the segments of folders of `endure` beside those that are kept, or in their place if these are of other code
+    and all are there again (`tools.renewed_kilometres`).
+
+    InputError if the folders are of different code, SystemExit if they lack some.
+    """
+    every = list(folders)
     segments = read_kilometres(every)
-    about = reduce(AboutEndure.beside, (decode((folder / ABOUT).read_bytes(), AboutEndure) for folder in every))
+    if (KEPT / ABOUT).is_file():
+        if _about(KEPT).code == _about(every[0]).code:
+            every.insert(0, KEPT)
+            segments = read_kilometres(every)
+        elif lacking := {*map(key_of, read_segments(KEPT))} - {*map(key_of, segments)}:
+            raise SystemExit(
+                f"what is kept is of other code, and {len(lacking)} segments of it are not here; renew all"
+            )
+    about = reduce(AboutEndure.beside, map(_about, every))
     KEPT.mkdir(parents=True, exist_ok=True)
     (KEPT / ABOUT).write_bytes(msgspec.json.format(encode(about), indent=1) + b"\n")
     order = sorted(segments, key=lambda each: (each.planner, each.cell, each.seed, each.index))
     (KEPT / SEGMENTS).write_bytes(b"".join(encode(each) + b"\n" for each in order))
+
+
+def _about(folder: Path) -> AboutEndure:
+    return decode((folder / ABOUT).read_bytes(), AboutEndure)
 
 
 @lru_cache

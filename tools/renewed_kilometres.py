@@ -1,10 +1,10 @@
 """Kept kilometres under the code of today: `python -m tools.renewed_kilometres OUT --planners idm --kinds door`.
 
-Kilometres of other code are refused, and most changes of code touch few of them: one to how a rare event goes those in
-which it began, one to a planner those of this planner. `--kinds` names the rare events whose segments are driven again
-into the folder OUT, beside the others as they are kept. Of these a sample of each planner is driven again, too: it has
-to be the same, frame for frame, or nothing is taken to be untouched. The same command goes on with what was
-interrupted; `python -m tools.tables --take-kilometres OUT` keeps it.
+Kilometres of other code are refused, and most changes of code touch few of them: one to how a rare event goes those
+in which it began, one to a planner those of this planner. `--kinds` names the rare events whose segments are driven
+again into the folder OUT, beside the others as they are kept. Of these a sample of each planner is driven again
+before: it has to be the same, frame for frame, or nothing is taken to be untouched. The same command goes on with
+what was interrupted; `python -m tools.tables --take-kilometres OUT` keeps it, if it is of all planners.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import argparse
 import random
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Final
 
 import msgspec
 
@@ -32,14 +33,10 @@ from interplan_sumo.endurance.kilometres import (
 )
 from interplan_sumo.endurance.records import SegmentRecord, TrafficCell
 from interplan_sumo.planner_source import PlannerSource
-from tools.kilometres import KEPT
+from interplan_sumo.world.files import replacing
+from tools.kilometres import KEPT, Key, key_of
 
-Key = tuple[object, ...]
-
-
-def key_of(segment: SegmentRecord) -> Key:
-    """Which segment it is, whoever drove it when."""
-    return segment.planner, segment.cell, segment.seed, segment.index
+ABOUT_RENEWAL: Final = "renewal.json"
 
 
 def sampled(segments: Sequence[SegmentRecord], count: int) -> set[Key]:
@@ -51,14 +48,43 @@ def sampled(segments: Sequence[SegmentRecord], count: int) -> set[Key]:
     return found
 
 
-def begin(out: Path, staying: Sequence[SegmentRecord]) -> None:
-    """Write a folder of `endure` with these segments, as if the code of today had driven them."""
+class Renewal(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What a folder was begun for, and under which code."""
+
+    planners: list[str]
+    kinds: list[str]
+    sample: int
+    code: str
+
+
+def begin(out: Path, renewal: Renewal) -> None:
+    """A folder of `endure` for the code of today, new or begun before by this command. SystemExit for others."""
+    if out.exists():
+        path = out / ABOUT_RENEWAL
+        if not path.is_file() or decode(path.read_bytes(), Renewal) != renewal:
+            raise SystemExit(f"{out} is of another command or of other code; give a new folder")
+        write(out, read_segments(out))  # without what a kill has torn
+        return
     about = decode((KEPT / ABOUT).read_bytes(), AboutEndure)
-    hashes = {planner: PlannerSource.of(planner).hash for planner in {each.planner for each in staying}}
+    hashes = {planner: PlannerSource.of(planner).hash for planner in renewal.planners}
     out.mkdir(parents=True)
-    (out / ABOUT).write_bytes(encode(msgspec.structs.replace(about, code=code_hash(), planners=hashes)) + b"\n")
-    renewed = (msgspec.structs.replace(each, planner_hash=hashes[each.planner]) for each in staying)
-    (out / SEGMENTS).write_bytes(b"".join(encode(each) + b"\n" for each in renewed))
+    (out / ABOUT).write_bytes(encode(msgspec.structs.replace(about, code=renewal.code, planners=hashes)) + b"\n")
+    write(out, ())
+    (out / ABOUT_RENEWAL).write_bytes(encode(renewal) + b"\n")
+
+
+def write(out: Path, segments: Iterable[SegmentRecord]) -> None:
+    """Put segments in place of what a folder holds."""
+    with replacing(out / SEGMENTS) as fresh:
+        fresh.write_bytes(b"".join(encode(each) + b"\n" for each in segments))
+
+
+def place(out: Path, staying: Iterable[SegmentRecord]) -> None:
+    """Put kept segments beside those that a folder holds, as if the code of today had driven them."""
+    held = {key_of(each): each for each in read_segments(out)}
+    hashes = decode((out / ABOUT).read_bytes(), AboutEndure).planners
+    renewed = {key_of(each): msgspec.structs.replace(each, planner_hash=hashes[each.planner]) for each in staying}
+    write(out, (renewed | held).values())
 
 
 def drive_missing(out: Path, kept: Sequence[SegmentRecord], run: RunOptions) -> None:
@@ -99,11 +125,13 @@ def main() -> None:
     kinds = frozenset(given.kinds)
     untouched = [each for each in kept if kinds.isdisjoint(event.kind for event in each.rare_events)]
     sample = sampled(untouched, given.sample)
-    if not given.out.exists():
-        begin(given.out, [each for each in untouched if key_of(each) not in sample])
-    drive_missing(given.out, kept, RunOptions(workers=given.workers))
-    if others := changed(kept, read_segments(given.out), sample):
+    begin(given.out, Renewal(sorted(given.planners), sorted(kinds), given.sample, code_hash()))
+    run = RunOptions(workers=given.workers)
+    drive_missing(given.out, [each for each in untouched if key_of(each) in sample], run)
+    if others := changed(untouched, read_segments(given.out), sample):
         raise SystemExit(f"{len(others)} of {len(sample)} segments did not come again as they were: {others[0]}")
+    place(given.out, untouched)
+    drive_missing(given.out, kept, run)
     print(f"{len(kept) - len(untouched)} of {len(kept)} segments driven anew; {len(sample)} others came as they were")
 
 
