@@ -14,10 +14,12 @@ import argparse
 import json
 import os
 import resource
+import shlex
 import shutil
 import sys
 import traceback
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -107,6 +109,13 @@ def _tried(path: Path, format: str, folder: Path) -> tuple[str, str]:
     return "valid", said
 
 
+def repeat_command(seed: int, formats: Sequence[str], real: Path | None) -> str:
+    """What makes the file of a seed again: it depends on the formats and on the files that there are."""
+    words = ["python", "-m", "benchmarks.mutated_maps", "--first", str(seed), "--count", "1"]
+    words += [word for format in formats for word in ("--format", format)]
+    return shlex.join([*words, *(("--real", str(real)) if real else ())])
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description="Damaged map files of every format.")
     parser.add_argument("--count", type=int, default=10_000)
@@ -120,19 +129,22 @@ def main() -> None:
     largest: dict[str, int] = {}
     with TemporaryDirectory() as temporary:
         found = bases(Path(temporary, "bases"), options.real)
+        unfit: set[Path] = set()
         for format, files in found.items():
             _tried(files[0], format, Path(temporary, "warm", format))  # loads the modules, for all children
-            for base in list(files):
+            for base in files:
                 used = outcome(base, format, Path(temporary, "made"))
                 if used.kind != "valid" or used.cpu_s > _BASE_CPU_S:
-                    files.remove(base)
+                    unfit.add(base)
                     print(f"no base: {base.name}, {used.kind} in {used.cpu_s:.1f} s")
-        formats = [format for format in sorted(options.format or found) if found[format]]
-        if not formats:
+        formats = sorted(options.format or found)
+        if unfit.issuperset(base for format in formats for base in found[format]):
             sys.exit("no file is quick enough on this machine to be a base; its cores are busy, or slow")
         for seed in range(options.first, options.first + options.count):
             format, rng = formats[seed % len(formats)], np.random.default_rng(seed)
             base = found[format][int(rng.integers(len(found[format])))]
+            if base in unfit:
+                continue
             path = Path(temporary, base.name)
             how = mutant(base, path, rng)
             got = outcome(path, format, Path(temporary, "made"))
@@ -142,6 +154,7 @@ def main() -> None:
             if got.is_fault:
                 size = f"{got.cpu_s:.1f} s, {got.peak_bytes / 2**20:.0f} MiB"
                 print(f"--- seed {seed}: {format} {base.name}, {how}: {got.kind}, {size}\n{got.said}", flush=True)
+                print(f"    again: {repeat_command(seed, formats, options.real)}")
                 if options.keep:
                     options.keep.mkdir(parents=True, exist_ok=True)
                     shutil.copyfile(path, options.keep / f"{seed}-{format}-{base.name}")

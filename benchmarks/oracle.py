@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -59,11 +60,13 @@ def searched(scenario: Scenario, seed: int, effort: Effort) -> dict[str, Any]:
 
 
 def rows_of(path: Path | None, seed: int, effort: Effort) -> dict[str, dict[str, Any]]:
-    """Rows of an earlier call with the same options, by scenario."""
+    """Rows of an earlier call with the same options, by scenario; ends the program for a file of another one."""
     if path is None or not path.is_file():
         return {}
     rows = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
-    return {row["scenario_id"]: row for row in rows if row["seed"] == seed and row["effort"] == in_numbers(effort)}
+    if any((row["seed"], row["effort"]) != (seed, in_numbers(effort)) for row in rows):
+        sys.exit(f"error: {path} is of another seed or effort; give another file as --out")
+    return {row["scenario_id"]: row for row in rows}
 
 
 def keep(path: Path | None, rows: Sequence[dict[str, Any]]) -> None:
@@ -83,6 +86,9 @@ def main() -> None:
     parser.add_argument("--keep", action="store_true", help="store what was found for the table in the docs")
     given = parser.parse_args()
     effort = Effort(given.every, given.hold, given.drives)
+    usual = (parser.get_default("seed"), *(parser.get_default(name) for name in ("every", "hold", "drives")))
+    if given.keep and (given.seed, given.every, given.hold, given.drives) != usual:
+        parser.error("--keep is for the usual seed and effort, which the table is of")
     console, rows = Console(width=120), rows_of(given.out, given.seed, effort)
     scenarios = find_suite(SUITE).scenarios
     for number, scenario in enumerate(scenarios, start=1):

@@ -72,7 +72,7 @@ def _actors(middle: Polyline, arc: np.ndarray, lane: np.ndarray, speed: np.ndarr
 
 
 def milliseconds(work: Callable[[], object]) -> float:
-    """Median wall-clock time of `REPEATS` calls after one to warm up."""
+    """Median processor time of `REPEATS` calls after one to warm up."""
     work()
     took: list[float] = []
     for _ in range(REPEATS):

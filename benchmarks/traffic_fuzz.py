@@ -15,6 +15,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import shlex
 import sys
 from collections import Counter, defaultdict
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -178,7 +179,7 @@ def _tell(report: Report, done_s: float, agent_s: float) -> None:
     print(f"[{done_s:.0f}/{agent_s:.0f}] case {report.case} {report.ego}: {words}", file=sys.stderr, flush=True)
 
 
-def summary(reports: list[Report], seed: int) -> str:
+def summary(reports: list[Report], seed: int, maps: Maps, steps: int) -> str:
     """What was found, by kind, the worst of each with the command that repeats it."""
     agent_s = sum(report.agent_s for report in reports)
     by_kind: dict[str, list[Finding]] = defaultdict(list)
@@ -202,7 +203,7 @@ def summary(reports: list[Report], seed: int) -> str:
                 f"  {each.value:8.2f} frame {each.frame:3} agent {each.agent} ({each.agent_type}; {each.types}) "
                 f"{each.scenario} ego {each.ego}: {each.detail}"
             )
-            lines.append(f"           {repeat_command(each, seed)}")
+            lines.append(f"           {repeat_command(each, seed, maps, steps)}")
     return "\n".join(lines)
 
 
@@ -216,9 +217,15 @@ def broken(reports: list[Report]) -> list[Finding]:
     ]
 
 
-def repeat_command(finding: Finding, seed: int) -> str:
-    agent = f" --agent {finding.agent.split('+')[0]} --frame {finding.frame}" if finding.agent else ""
-    return f"python -m benchmarks.traffic_fuzz --seed {seed} --case {finding.case}{agent}"
+def repeat_command(finding: Finding, seed: int, maps: Maps, steps: int) -> str:
+    """What drives the case of a finding again: cases are drawn from all maps and suites that there were."""
+    words = ["python", "-m", "benchmarks.traffic_fuzz", "--seed", str(seed), "--case", str(finding.case)]
+    words += ["--steps", str(steps)]
+    words += [word for name in maps.names for word in ("--maps", name)]
+    words += [word for suite in maps.suites for word in ("--suite", suite)]
+    if finding.agent:
+        words += ["--agent", finding.agent.split("+")[0], "--frame", str(finding.frame)]
+    return shlex.join(words)
 
 
 def again(made: Case, steps: int, agent: str | None, frame: int | None) -> int:
@@ -277,7 +284,7 @@ def main() -> int:
     if one is not None:
         return again(one, options.steps, options.agent, options.frame)
     reports = fuzz(options.agent_seconds, seed=options.seed, maps=maps, steps=options.steps, workers=options.workers)
-    print(summary(reports, options.seed))
+    print(summary(reports, options.seed, maps, options.steps))
     if options.json is not None:
         options.json.write_text(json.dumps([asdict(report) for report in reports]))
     return int(bool(broken(reports)))

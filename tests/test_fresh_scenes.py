@@ -14,8 +14,11 @@ from interplan_sumo.report.table import ResultsTable, make_table
 from interplan_sumo.world.csv_tables import read_table, write_table
 from tools import fresh_scenes
 from tools.fresh_scenes import fresh, keep_fresh
-from tools.kept_drives import folder_of
+from tools.kept_drives import folder_of, traffic_of
 from tools.kept_sweeps import SUITE
+
+TODAY = traffic_of(SUITE)
+"""The version of the traffic that is kept."""
 
 
 def driven(
@@ -86,7 +89,7 @@ def test_who_drives_again_takes_the_place_of_its_former_self_and_of_nobody_else(
     ("how", "says"),
     [
         ({"official": True}, "is of generated; drive scenes of"),
-        ({"older": 1}, "is of traffic version 2, the kept drives are of 3"),
+        ({"older": 1}, f"is of traffic version {TODAY - 1}, the kept drives are of {TODAY}"),
         ({"scenes": 79}, "drove other scenes than"),
     ],
 )

@@ -11,9 +11,12 @@ import pytest
 from interplan_sumo.batch.run_folder import read_run
 from interplan_sumo.world.csv_tables import read_table
 from tools import kept_seeds
-from tools.kept_drives import folder_of
+from tools.kept_drives import folder_of, traffic_of
 from tools.kept_seeds import keep_seeds, seeds
 from tools.kept_sweeps import SUITE
+
+TODAY = traffic_of(SUITE)
+"""The version of the traffic that is kept."""
 
 
 def run(folder: Path, scores: dict[str, list[float]], *, suite: str = SUITE, older: int = 0) -> Path:
@@ -78,7 +81,7 @@ def test_what_is_kept_says_of_which_traffic_and_planner_it_is(tmp_path: Path) ->
     [
         ([0.2], {}, "has one seed; run with --seeds 3"),
         ([0.2, 0.2], {"suite": "common==1"}, "is of common==1, expected interplan==1"),
-        ([0.2, 0.2], {"older": 1}, "is of traffic version 2, the kept drives are of 3"),
+        ([0.2, 0.2], {"older": 1}, f"is of traffic version {TODAY - 1}, the kept drives are of {TODAY}"),
     ],
 )
 def test_other_runs_are_refused(scores: list[float], how: dict[str, Any], says: str, tmp_path: Path) -> None:

@@ -10,8 +10,11 @@ import pytest
 
 from interplan_sumo.world.csv_tables import read_table
 from tools import kept_sweeps
-from tools.kept_drives import folder_of
+from tools.kept_drives import folder_of, traffic_of
 from tools.kept_sweeps import SUITE, behaviours, keep_sweep, tracks
+
+TODAY = traffic_of(SUITE)
+"""The version of the traffic that is kept."""
 
 HEAD = (
     "{},planner,scenarios,seeds,drives,missing,score,score_low,score_high,"
@@ -65,7 +68,7 @@ def test_who_is_swept_again_takes_its_own_place(tmp_path: Path) -> None:
 def test_what_is_kept_says_of_which_traffic_and_planner_it_is(tmp_path: Path) -> None:
     keep_sweep(sweep(tmp_path / "a", "track", [("noisy", "idm", 20.0)]))
     (line,) = read_table(tmp_path / "sweep-track.csv", ("planner",))
-    assert (line["traffic_version"], line["planner_hash"]) == ("3", "hash of idm")
+    assert (line["traffic_version"], line["planner_hash"]) == (str(TODAY), "hash of idm")
 
 
 def test_drivers_are_told_in_the_order_of_the_sweep(tmp_path: Path) -> None:
@@ -82,7 +85,7 @@ def test_drivers_are_told_in_the_order_of_the_sweep(tmp_path: Path) -> None:
         ("density", {}, "swept density, expected track or behaviour"),
         ("track", {"suite": "common==1"}, "is of common==1, expected interplan==1"),
         ("track", {"missing": 1}, "lacks drives of idm"),
-        ("track", {"older": 1}, "is of traffic version 2, the kept drives are of 3"),
+        ("track", {"older": 1}, f"is of traffic version {TODAY - 1}, the kept drives are of {TODAY}"),
     ],
 )
 def test_other_sweeps_are_refused(parameter: str, how: dict[str, Any], says: str, tmp_path: Path) -> None:

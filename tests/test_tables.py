@@ -23,11 +23,12 @@ from interplan_sumo.endurance.kilometres import (
     read_segments,
 )
 from interplan_sumo.scenario.suite import find_suite
-from tools import kept_drives
+from interplan_sumo.world.csv_tables import read_table
+from tools import fresh_scenes, kept_drives, kept_seeds, kept_sweeps
 from tools.hard_scores import HARD
 from tools.kept_drives import folder_of, take
 from tools.kilometres import KEPT, keep_kilometres
-from tools.tables import PAGES, ROOT, TABLE, TABLES, Drives, Pages, stored
+from tools.tables import PAGES, ROOT, SMALL, TABLE, TABLES, Drives, Pages, stored
 
 
 @pytest.fixture(scope="module")
@@ -67,6 +68,23 @@ def test_the_stored_drives_are_all_of_the_suites_as_they_are(drives: dict[str, D
         assert all(
             line.scenarios == len(suite.scenarios) and line.official and not line.faults for line in held.strict.lines
         )
+
+
+def test_what_is_kept_beside_the_suite_is_of_the_same_traffic_and_its_seed_0_of_the_same_scores(
+    drives: dict[str, Drives],
+) -> None:
+    """An edit may change the hash of a planner and none of its drives: so it is the scores that are looked at."""
+    held = drives[SMALL].run
+    again: dict[tuple[str, str], float] = {}
+    for path in (kept_seeds.KEPT, kept_sweeps.kept("track"), kept_sweeps.kept("behaviour"), fresh_scenes.KEPT):
+        for line in read_table(path, ("planner", "traffic_version")):
+            assert line["traffic_version"] == str(held.manifest.traffic_version), path
+            assert line["planner"] in held.planners
+            if line.get("seed") == "0":
+                again[line["planner"], line["scenario"]] = float(line["score"])
+    assert {planner for planner, _ in again} == {line.planner for line in drives[SMALL].strict.lines}
+    for (planner, scenario), score in again.items():
+        assert held.rows[scenario, planner, 0].score == pytest.approx(score, abs=1e-4), (planner, scenario)
 
 
 def test_a_planner_that_drives_anew_takes_the_place_of_what_it_drove_and_of_nobody_else(

@@ -47,7 +47,11 @@ def keep_sweep(folder: Path) -> None:
     held = _lines(kept(parameter)) if kept(parameter).is_file() else []
     again = {line["planner"] for line in fresh}
     lines = sorted([*fresh, *(line for line in held if line["planner"] not in again)], key=lambda line: line["planner"])
-    write_table(kept(parameter), tuple(lines[0]), [tuple(line.values()) for line in lines])
+    columns = tuple(fresh[0])
+    for line in lines:
+        if line.keys() != {*columns}:
+            raise SystemExit(f"{kept(parameter)} has other columns than {folder} for {line['planner']}; sweep all anew")
+    write_table(kept(parameter), columns, [tuple(line[name] for name in columns) for line in lines])
 
 
 def tracks(plain: dict[str, str]) -> list[str]:

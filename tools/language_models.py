@@ -82,7 +82,7 @@ def adapters() -> list[str]:
     told = {
         "": [f"`{card['name']}`" for card in cards],
         "examples": [str(card["examples"]["learned"]) for card in cards],
-        "minutes of one core": [f"{card['learning']['seconds'] / 60.0:.0f}" for card in cards],
+        "minutes of one core": [f"{_core_minutes(card):.0f}" for card in cards],
         "examples held out": [str(card["examples"]["held_out"]) for card in cards],
         **{
             f"their loss per token, {who}": [f"{card['held_out'][key]['token_loss']:.2f}" for card in cards]
@@ -92,6 +92,10 @@ def adapters() -> list[str]:
     }
     title, *lines = (" | ".join((name, *of)) for name, of in told.items())
     return [title, "---|" * len(cards) + "---", *lines]
+
+
+def _core_minutes(card: Mapping[str, Any]) -> float:
+    return card["learning"]["seconds"] * card["settings"]["threads"] / 60.0
 
 
 def _right(found: Mapping[str, Any] | None) -> str:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from math import isnan
 from typing import Literal
 
 import numpy as np
@@ -217,14 +218,17 @@ def table(rows: Sequence[Yardsticks]) -> str:
     """One map a column, for a page of documentation."""
 
     def spread(values: Iterable[float], digits: int) -> str:
-        return " / ".join(f"{value:.{digits}f}" if value <= STRAIGHT_M else "straight" for value in values)
+        return " / ".join("-" if isnan(value) else f"{value:.{digits}f}" for value in values)
+
+    def radii(values: Iterable[float]) -> str:
+        return " / ".join("straight" if value > STRAIGHT_M else spread((value,), 0) for value in values)
 
     lines: list[tuple[str, list[str]]] = [
         ("", [row.name for row in rows]),
         ("---", ["---"] * len(rows)),
         ("lane-km", [f"{row.lane_km:.1f}" for row in rows]),
         ("branching junctions per lane-km", [f"{row.per_lane_km:.2f}" for row in rows]),
-        ("smallest radius of a lane, m, p5 / p50", [spread(row.smallest_radius_m, 0) for row in rows]),
+        ("smallest radius of a lane, m, p5 / p50", [radii(row.smallest_radius_m) for row in rows]),
         ("connectors per exit lane", [f"{row.connectors_per_exit_lane:.2f}" for row in rows]),
         ("blocks, m, p10 / p50 / p90", [spread(row.block_length_m, 0) for row in rows]),
         ("lane width, m, p10 / p50 / p90", [spread(row.lane_width_m, 1) for row in rows]),

@@ -9,10 +9,12 @@ from tests.simulation.fuzz_cases import SHIPPED_MAPS, Maps
 
 SEED = 23
 AGENT_S = 20_000.0
+STEPS = 300
 
 
 @pytest.mark.nightly
 def test_no_vehicle_does_what_none_can_whatever_the_ego_does() -> None:
-    """`python -m benchmarks.traffic_fuzz --seed 23 --case N` repeats a drive; a million in `make nightly`."""
-    reports = fuzz(AGENT_S, seed=SEED, maps=Maps((*SHIPPED_MAPS, *imported_maps())), steps=300, workers=1, quiet=True)
-    assert broken(reports) == [], summary(reports, SEED)
+    """The message has the command that repeats a drive; a million in `make nightly`."""
+    maps = Maps((*SHIPPED_MAPS, *imported_maps()))
+    reports = fuzz(AGENT_S, seed=SEED, maps=maps, steps=STEPS, workers=1, quiet=True)
+    assert broken(reports) == [], summary(reports, SEED, maps, STEPS)

@@ -36,7 +36,6 @@ class Made:
     """None without held-out examples, as for `after`."""
     after: HeldOut | None
     fitted: Fitted
-    seconds: float
 
 
 def write_card(path: Path, made: Made) -> None:
@@ -66,7 +65,6 @@ def _card(made: Made) -> dict[str, Any]:
             "always_first": _shares(*first_offered(made.held_out)),
         },
         "learning": _learning(made.fitted),
-        "seconds": round(made.seconds),
         "made_with": {"interplan-sumo": __version__, "torch": torch.__version__},
         "date": time.strftime("%Y-%m-%d", time.gmtime()),
     }

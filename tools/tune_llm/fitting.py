@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 import torch
 
-from interplan_sumo.errors import InputError
+from interplan_sumo.errors import InputError, InterplanError
 from interplan_sumo.world.files import replacing
 from tools.tune_llm.examples import TokenSample, shuffled_batches
 from tools.tune_llm.heldout import answer_losses, mean_loss
@@ -197,6 +197,8 @@ class Fitting:
 
     def _look(self) -> None:
         held_out = mean_loss(self.model, self._looked_at) if self._looked_at else None
+        if held_out is not None and not math.isfinite(held_out):
+            raise InterplanError(f"at step {self._progress.step} the held-out loss is no number; give a smaller --lr")
         progress = self._progress
         progress.losses.append((progress.step, self.loss, held_out))
         self._since_look.clear()

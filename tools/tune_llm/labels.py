@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from interplan_sumo.batch.engine import run_tasks
+from interplan_sumo.batch.kept_answers import OF_THE_MACHINE
 from interplan_sumo.batch.tasks import Answer, Limits, Publish, Task, Work
 from interplan_sumo.batch.versions import versions
 from interplan_sumo.errors import InputError
@@ -85,7 +86,8 @@ def make_labels(
             value: dict[str, Any] = outcome.value
             if outcome.fault is not None:
                 value = {"examples": [], "drives": 0, "reason": f"{outcome.fault.kind}: {outcome.fault.message}"}
-            parts.keep(outcome.task.payload, value)
+            if outcome.fault is None or outcome.fault.kind not in OF_THE_MACHINE:
+                parts.keep(outcome.task.payload, value)
             _say(f"[{done}/{len(scenes)}] {outcome.task.payload.scenario.id}: {_in_words(value)}")
             if until_s is not None and time.monotonic() > until_s:
                 break

@@ -54,8 +54,7 @@ def tune(given: argparse.Namespace) -> None:
     _say_judged("after", after)
 
     model.write_adapter(given.out, given.out.stem)
-    seconds = time.monotonic() - began_s
-    made = Made(given.out, base, given.examples, learned, held_out, settings, before, after, fitted, seconds)
+    made = Made(given.out, base, given.examples, learned, held_out, settings, before, after, fitted)
     card: Path = given.out.with_suffix(".json")
     write_card(card, made)
     if fitted.ending == "out of time":
