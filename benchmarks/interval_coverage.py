@@ -64,7 +64,7 @@ SUITES: Final = (
     MadeUpSuite("8 x 10, 3 seeds, 85 to 99 %", 8, 10, 3, (0.85, 0.99), 1.0),
     MadeUpSuite("8 x 30, 1 seed", 8, 30, 1, (0.2, 0.8), 2.0),
     MadeUpSuite("8 x 3, 3 seeds", 8, 3, 3, (0.2, 0.8), 2.0),
-    MadeUpSuite("9 x 1 (smoke), 1 seed", 9, 1, 1, (0.2, 0.8), 2.0),
+    MadeUpSuite("9 x 1, 1 seed", 9, 1, 1, (0.2, 0.8), 2.0),
     MadeUpSuite("one family of 10, half solved", 1, 10, 1, (0.5, 0.5), 2.0),
     MadeUpSuite("one family of 10, 80 % solved", 1, 10, 1, (0.8, 0.8), 2.0),
     MadeUpSuite("8 x 10, 96 % solved", 8, 10, 1, (0.96, 0.96), 2.0),
