@@ -114,6 +114,10 @@ class PlannerLoadError(InputError):
     """A planner that cannot be imported or built from the given name and options."""
 
 
+class ProcessRefusedError(InputError):
+    """The machine starts no further process now, for want of memory, processes or files: no planner's fault."""
+
+
 class PlannerChangedError(InputError):
     """A planner was edited while it drove: nobody knows which of its versions a row would be of."""
 

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from interplan_sumo.cli import main
-from interplan_sumo.scenario.certificates import FILE, read_certificates
-from interplan_sumo.scenario.suite import Suite
+from interplan_sumo.cli.certify import keep_proofs
+from interplan_sumo.scenario.certificates import FILE, read_certificates, write_certificates
+from interplan_sumo.scenario.suite import Suite, find_scenario, find_suite
+from interplan_sumo.verification.certificates import Proof
 
 COMMAND = ("scenarios", "certify", "--suite", "smoke==1", "--scenarios", "nudge/*", "--workers", "0", "--json")
 
@@ -33,6 +36,21 @@ def test_proofs_are_found_stored_and_checked(folder: Path, capsys: pytest.Captur
     assert list(read_certificates(folder / FILE)) == ["nudge/0"]
     assert main([*COMMAND, "--check"]) == 0
     assert json.loads(capsys.readouterr().out)["ok"]
+
+
+def test_a_proof_that_holds_stays_if_a_search_finds_none_and_goes_with_its_scenario(tmp_path: Path) -> None:
+    names = ("nudge/0", "accident/0", "overtake/0")
+    held = read_certificates(find_suite("interplan==1").folder / FILE)
+    write_certificates(tmp_path / FILE, [held[name] for name in names])
+    nudge, accident, overtake = map(find_scenario, names)
+    changed = replace(accident, duration_s=accident.duration_s + 1.0)
+    none = Proof(nudge, None, ("the machine had no time",), 0)
+    keep_proofs(tmp_path / FILE, [none], [nudge, changed, overtake], beside=False)
+    assert [*read_certificates(tmp_path / FILE)] == ["nudge/0", "overtake/0"]
+    keep_proofs(tmp_path / FILE, [none], [nudge], beside=True)  # the other one may be of a file beside it
+    assert [*read_certificates(tmp_path / FILE)] == ["nudge/0", "overtake/0"]
+    keep_proofs(tmp_path / FILE, [none], [nudge], beside=False)
+    assert [*read_certificates(tmp_path / FILE)] == ["nudge/0"]
 
 
 def test_what_has_no_proof_fails_the_check_and_leaves_the_folder_alone(

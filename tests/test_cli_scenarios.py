@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from interplan_sumo.scenario.files import read_scenario
+from interplan_sumo.scenario.files import read_scenario, write_scenarios
 from interplan_sumo.scenario.suite import find_scenario, find_suite
+from tests.batch.busy import BUSY
 from tests.commands import ran
 
 QUIET = "construction/1"
@@ -73,3 +75,14 @@ def test_render_draws_an_id_a_file_and_a_sheet(file: Path, capsys: pytest.Captur
     file.write_text(f"{file.read_text()}---\n{again}")
     assert ran(capsys, "scenarios", "render", file, tmp_path / "sheet.png")[0] == 0
     assert (tmp_path / "sheet.png").read_bytes() != first
+
+
+@pytest.mark.slow
+def test_an_audit_looks_at_the_drives_of_its_planner_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "mine.yaml"
+    write_scenarios([replace(BUSY, duration_s=1.0)], file)
+    for planner in ("straight_ahead", "idm"):
+        command = ("scenarios", "audit", file, "--planner", planner, "--out", tmp_path / "out", "--workers", "0")
+        code, out, err = ran(capsys, *command, "--quiet", "--json")
+        assert code == 0, err
+        assert json.loads(out)["scenarios"] == 1

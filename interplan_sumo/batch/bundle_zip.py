@@ -35,8 +35,9 @@ def write_zip(path: Path, files: Iterable[tuple[str, bytes]]) -> None:
 
     InputError if it cannot be written, or would be larger than what is read.
     """
+    too_large = InputError(f"{path} would be larger than what is taken; hand in fewer seeds")
     with writing(path, "give another file as --out"), replacing(path) as fresh:
-        with zipfile.ZipFile(fresh, "w", allowZip64=False) as archive:
+        with zipfile.ZipFile(fresh, "w") as archive:
             total = 0
             for number, (name, content) in enumerate(files, start=1):
                 about = zipfile.ZipInfo(name, _DATE)
@@ -44,11 +45,11 @@ def write_zip(path: Path, files: Iterable[tuple[str, bytes]]) -> None:
                 about.create_system = 3
                 about.external_attr = 0o644 << 16
                 total += len(content)
-                if number > MOST_FILES or total > MOST_UNPACKED:
-                    raise InputError(f"{path} would be larger than what is taken; hand in fewer seeds")
+                if number > MOST_FILES or total > MOST_UNPACKED or archive.start_dir > MOST_BYTES:
+                    raise too_large
                 archive.writestr(about, content, compresslevel=6)
         if fresh.stat().st_size > MOST_BYTES:
-            raise InputError(f"{path} would be larger than what is taken; hand in fewer seeds")
+            raise too_large
 
 
 @dataclass(frozen=True, slots=True)

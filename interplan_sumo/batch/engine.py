@@ -132,10 +132,10 @@ def _settle(report: Report, pool: WorkerPool, state: _Bookkeeping) -> Outcome | 
 def _not_opened(report: Report, pool: WorkerPool, state: _Bookkeeping) -> Outcome | None:
     """Book a worker that could not open its group: once it had been opened, that is the next task's fault.
 
-    InputError if the group is another one than it was.
+    InputError if the group is another one than it was, or the machine starts no further process.
     """
     group, why = report.worker.group, _did_not_open(report)
-    if report.answer.changed:
+    if report.answer.ends_run:
         raise InputError(why)
     if report.worker in pool.workers:
         pool.stop(report.worker)

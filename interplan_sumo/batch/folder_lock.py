@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import errno
 import os
 from pathlib import Path
+from typing import Final
 
 from interplan_sumo.errors import RunFolderError
+
+HELD: Final = (errno.EWOULDBLOCK, errno.EAGAIN, errno.EACCES, errno.EDEADLK)
+"""Errors of a lock that somebody holds; others are of a file system that has no locks, for one."""
 
 
 class FolderLock:
@@ -15,7 +20,10 @@ class FolderLock:
         self._handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
         try:
             _lock(self._handle)
-        except OSError:
+        except OSError as error:
+            if error.errno not in HELD:
+                os.close(self._handle)
+                raise
             owner = os.read(self._handle, 100).decode(errors="replace").strip()
             os.close(self._handle)
             raise RunFolderError(

@@ -22,7 +22,7 @@ from interplan_sumo.batch.drive_job import DriveSettings
 from interplan_sumo.batch.jobs import Job, ScenarioSource, jobs_for, own_maps
 from interplan_sumo.batch.judged import Judged, OtherDrive, keep_judged
 from interplan_sumo.batch.options import RunOptions
-from interplan_sumo.batch.records import AppliedOverrides, JobKey, Manifest, PlannerRecord, Row
+from interplan_sumo.batch.records import MOST_SECONDS, AppliedOverrides, JobKey, Manifest, PlannerRecord, Row
 from interplan_sumo.batch.row_check import Remade, RowCheck, compared
 from interplan_sumo.batch.run import RunProgress, check_inputs, here, row_of_outcome
 from interplan_sumo.batch.run_folder import RunFolder, StoredRun, read_run, slug, trace_place
@@ -202,7 +202,8 @@ def _plan_s(bundle: Bundle) -> float | None:
         (row.times_s["planner"], key) for key, row in bundle.rows.items() if row.trace and "planner" in row.times_s
     ]
     plans = sum(len(bundle.plans(key)) for _, key in timed)
-    return sum(spent_s for spent_s, _ in timed) / plans if plans else None
+    spent_s = sum(spent_s for spent_s, _ in timed)
+    return spent_s / plans if plans and spent_s / plans <= MOST_SECONDS else None
 
 
 def _now() -> str:

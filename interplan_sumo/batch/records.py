@@ -31,7 +31,8 @@ MOST_SEEDS: Final = 10_000
 """Of one request."""
 Seed = Annotated[int, Meta(ge=0, lt=MOST_SEEDS)]
 Count = Annotated[int, Meta(ge=0, lt=2**53)]
-Seconds = Annotated[float, Meta(ge=0.0, le=1e9)]
+MOST_SECONDS: Final = 1e9
+Seconds = Annotated[float, Meta(ge=0.0, le=MOST_SECONDS)]
 Weight = Annotated[float, Meta(ge=0.0, le=1e6)]
 FaultClass = Literal["planner", "traffic", "timeout", "harness"]
 JobKey = tuple[str, str, int]
@@ -130,8 +131,8 @@ class WorkerAnswer(Struct, frozen=True, omit_defaults=True):
     """Whether the fault, or that a group cannot be opened, may be the doing of somebody else, who ended a process."""
     input_error: str | None = None
     """Why its group cannot be opened or a task not be done, whoever tries."""
-    changed: bool = False
-    """Whether that is because the group is not any more what it was."""
+    ends_run: bool = False
+    """Whether that is no task's doing: the group is not any more what it was, or the machine has no room for it."""
     value: dict[str, Any] = {}
     """What the task gave."""
     fault: Fault | None = None

@@ -74,7 +74,8 @@ def run(
     """
     plan = _planned(options, made or {}, command)
     for spec in plan.manifest.planners:
-        _try_to_build(spec, plan.settings)
+        if ":" in spec or "?" in spec or spec in options.redo:
+            _try_to_build(spec, plan.settings)
     with RunFolder(plan.folder, plan.manifest, options.redo) as folder:
         left = interleaved([job for job in plan.jobs if job.key not in folder.done])
         if watch is not None:
@@ -168,11 +169,10 @@ def _rows(outcomes: Iterable[Outcome], plan: _Plan) -> Iterator[Row]:
 
 
 def _try_to_build(spec: str, settings: DriveSettings) -> None:
-    """InputError, before there is a folder, for a planner with options or of one's own that cannot be built."""
-    if ":" in spec or "?" in spec:
-        seat = settings.seat(spec)
-        if isinstance(seat, PlannerProcess):
-            seat.close()
+    """InputError for a planner that cannot be built, before there is a folder or anything is taken from it."""
+    seat = settings.seat(spec)
+    if isinstance(seat, PlannerProcess):
+        seat.close()
 
 
 def here(options: RunOptions) -> RunOptions:

@@ -6,6 +6,7 @@
 | results.jsonl | one line per finished job, appended and synced by the one parent that holds `lock` |
 | results/ | a flat copy of it in Parquet, made from it now and then and at the end |
 | traces/<scenario>/<planner>/seed<k>/ | four Parquet files and scenario.json, renamed into place when complete |
+| redo.json | only until all have driven whose drives were to be done again: their hashes |
 | traffic/, profile.yaml | only for a run with a vehicle-type file or scoring profile of the user's: that |
 | scenarios.yaml, experts/ | only for one's own scenarios: these, and the drives that progress is measured against |
 | maps/ | only for one's own scenarios: the maps that came along with them |
@@ -69,6 +70,7 @@ from interplan_sumo.world.files import PART, replacing
 MANIFEST = "manifest.json"
 OWN_SCENARIOS = "scenarios.yaml"
 TRAFFIC = "traffic"
+REDO = "redo.json"
 """Holds a vehicle-type file; so it does beside the run folders of a sweep."""
 
 
@@ -144,7 +146,7 @@ class RunFolder:
         self._results = -1
         self._not_in_pieces = 0
         self._appended = False
-        self._take_back: Callable[[], object] = partial((path / MANIFEST).unlink, missing_ok=True)
+        self._take_back: Callable[[], object] = self._take_back_files
         if not path.exists():
             self._take_back = partial(shutil.rmtree, path, ignore_errors=True)
         elif (path / MANIFEST).exists():
@@ -177,6 +179,7 @@ class RunFolder:
         try:
             if kind is None:
                 self._keep_pieces()
+                (self.path / REDO).unlink(missing_ok=True)
         finally:
             self.close()
         if kind is not None and issubclass(kind, InputError) and not self._appended:
@@ -187,6 +190,11 @@ class RunFolder:
             os.close(self._results)
             self._results = -1
         self._lock.release()
+
+    def _take_back_files(self) -> None:
+        """Leave the folder as empty as it was."""
+        for name in (MANIFEST, RESULTS):
+            (self.path / name).unlink(missing_ok=True)
 
     def keep_scenarios(self, scenarios: Iterable[Scenario], maps: Iterable[MapFiles] = ()) -> None:
         """Keep scenarios that no suite holds and the maps that came along with them.
@@ -274,6 +282,11 @@ class RunFolder:
             raise RunFolderError(
                 f"{self.path} holds a run with {name} {then}, this one has {now}; give another folder as --out"
             )
+        if held.plan_limit_s != wanted.plan_limit_s:
+            then, now = (f"{limit_s or 0.0:g}" for limit_s in (held.plan_limit_s, wanted.plan_limit_s))
+            raise RunFolderError(
+                f"{self.path} holds a run with --plan-limit {then}, this one has {now}; give another folder as --out"
+            )
         for each in (held.shard, wanted.shard):
             if each is not None and (held.shard, held.requests) != (wanted.shard, wanted.requests):
                 raise RunFolderError(
@@ -285,16 +298,25 @@ class RunFolder:
         for name in changed:
             if name in with_rows and name not in self._redo:
                 _refuse_planner(self.path, name, held.planners[name], wanted.planners[name])
-        self._take_away_rows()
+        self._take_away_rows(wanted)
         new = () if set(wanted.keys) <= set(held.keys) else wanted.requests
         agreed = structs.replace(held, requests=(*held.requests, *new), planners={**held.planners, **wanted.planners})
         return held if agreed == held else self._write_manifest(agreed)
 
-    def _take_away_rows(self) -> None:
-        """Those of planners that are to drive again; before the manifest says that there is another version."""
-        path = self.path / RESULTS
-        if any(key[1] in self._redo for _, key, _ in read_briefs(path)):
-            write_lines(path, (line for line, key, _ in read_briefs(path) if key[1] not in self._redo))
+    def _take_away_rows(self, wanted: Manifest) -> None:
+        """Those of planners that are to drive again; before the manifest says that there is another version.
+
+        Once: until all have driven, a note says whose are away, and the same command goes on with what is done since.
+        """
+        path, note = self.path / RESULTS, self.path / REDO
+        begun = json.decode(note.read_bytes(), type=dict[str, str]) if note.is_file() else {}
+        now = {name: about.hash for name, about in wanted.planners.items() if name in self._redo}
+        away = {name for name, hash in now.items() if begun.get(name) != hash}
+        if any(key[1] in away for _, key, _ in read_briefs(path)):
+            write_lines(path, (line for line, key, _ in read_briefs(path) if key[1] not in away))
+        if away:
+            with replacing(note) as fresh:
+                fresh.write_bytes(json.encode(begun | now) + b"\n")
 
     def _write_manifest(self, manifest: Manifest) -> Manifest:
         path = self.path / MANIFEST

@@ -22,7 +22,7 @@ from interplan_sumo.batch.tasks import (
     SharedPhase,
     Work,
 )
-from interplan_sumo.errors import InputError, PlannerChangedError, TrafficError
+from interplan_sumo.errors import InputError, PlannerChangedError, ProcessRefusedError, TrafficError
 from interplan_sumo.planner_process.deaths import KilledWhileBuiltError
 
 
@@ -80,8 +80,9 @@ def serve(
     try:
         work = open_group(group, publish)
     except InputError as error:
-        killed, changed = isinstance(error, KilledWhileBuiltError), isinstance(error, PlannerChangedError)
-        _answer(line, WorkerAnswer(input_error=readable(str(error)), killed_from_outside=killed, changed=changed))
+        killed = isinstance(error, KilledWhileBuiltError)
+        ends = isinstance(error, PlannerChangedError | ProcessRefusedError)
+        _answer(line, WorkerAnswer(input_error=readable(str(error)), killed_from_outside=killed, ends_run=ends))
         return
     except BaseException as error:
         why = f"planner {group!r} could not be built: {type(error).__name__}: {error}"

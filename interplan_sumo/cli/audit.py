@@ -27,6 +27,7 @@ def audit(
     as_json: JsonOption = False,
 ) -> int:
     """Sort the scenarios of a suite or file by what they ask, unsound ones apart; with --below, find the hard ones."""
+    from interplan_sumo.batch.records import RequestedJobs
     from interplan_sumo.batch.run import run
     from interplan_sumo.report.audit_formats import audit_json, audit_text, findings
     from interplan_sumo.scenario.files import is_scenario_file
@@ -37,6 +38,8 @@ def audit(
         options = RunOptions((planner,), folder, None if files else suite, files, workers=workers)
         with progress(quiet=quiet) as watch:
             stored = run(options, watch)
+        mine = RequestedJobs((planner,), tuple(dict.fromkeys(scenario for scenario, _, _ in stored.keys)), 1)
+        stored = stored.narrowed(mine)  # the folder may hold others
         found = list(findings(stored, below))
     entry = audit_json(suite, planner, below, found)
     print_json(entry) if as_json else console().print(audit_text(entry))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -50,19 +50,36 @@ def certify(
     asked = list(PANEL) if panel is None else [name.strip() for name in panel.split(",") if name.strip()]
     for name in asked:
         find_planner(name)
-    found = proved(wanted, workers, stored if check else None, asked or None)
+    found: list[Proof] = []
+    try:
+        for proof in proved(wanted, workers, stored if check else None, asked or None):
+            found.append(proof)
+    finally:
+        if not check and found:
+            keep_proofs(path, found, everyone, beside=bool(files))
     found.sort(key=lambda proof: [s.id for s in wanted].index(proof.scenario.id))
     failed = [proof for proof in found if proof.certificate is None]
-    if not check:
-        known = {s.id: s.hash() for s in everyone}
-        if files:  # another file in this folder may have its certificates here, too
-            known = {name: c.summary.scenario_hash for name, c in stored.items()} | known
-        kept = {name: c for name, c in stored.items() if known.get(name) == c.summary.scenario_hash}
-        kept = {name: c for name, c in kept.items() if name not in {proof.scenario.id for proof in found}}
-        kept |= {proof.scenario.id: proof.certificate for proof in found if proof.certificate is not None}
-        certificates.write_certificates(path, kept.values())
     _print(found, str(path), as_json=as_json)
     return DONE if not failed else OUR_FAULT if check else INCOMPLETE
+
+
+def keep_proofs(path: Path, found: Sequence[Proof], everyone: Sequence[Scenario], *, beside: bool) -> None:
+    """Put the certificates that were found beside those of a file, in the place of former ones.
+
+    A former one of a scenario that is as it was holds, whatever a search comes to. Those of other scenarios go,
+    unless they may be of another file (`beside`).
+    """
+    from interplan_sumo.scenario import certificates
+    from interplan_sumo.world.files import replacing, writing
+
+    stored = certificates.read_certificates(path) if path.is_file() else {}
+    known = {s.id: s.hash() for s in everyone}
+    if beside:
+        known = {name: c.summary.scenario_hash for name, c in stored.items()} | known
+    kept = {name: c for name, c in stored.items() if known.get(name) == c.summary.scenario_hash}
+    kept |= {proof.scenario.id: proof.certificate for proof in found if proof.certificate is not None}
+    with writing(path, "make its folder writable, or certify a copy of the file"), replacing(path) as fresh:
+        certificates.write_certificates(fresh, kept.values())
 
 
 def proved(
@@ -70,15 +87,13 @@ def proved(
     workers: int | None,
     stored: dict[str, Certificate] | None = None,
     panel: Sequence[str] | None = None,
-) -> list[Proof]:
+) -> Iterator[Proof]:
     """`proofs` as they come, each with a line on stderr."""
     from interplan_sumo.batch.certify_job import proofs
 
-    found: list[Proof] = []
-    for proof in proofs(scenarios, workers=workers, stored=stored, panel=panel):
-        found.append(proof)
-        print(f"[{len(found)}/{len(scenarios)}] {_line(proof)}", file=sys.stderr, flush=True)
-    return found
+    for number, proof in enumerate(proofs(scenarios, workers=workers, stored=stored, panel=panel), start=1):
+        print(f"[{number}/{len(scenarios)}] {_line(proof)}", file=sys.stderr, flush=True)
+        yield proof
 
 
 def _source(suite: str | None, files: Sequence[str]) -> tuple[tuple[Scenario, ...], Path]:

@@ -18,7 +18,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final, Self, TypeVar
 
-from interplan_sumo.errors import InputError, PlannerError, PlannerLoadError, PlannerOverdueError, clean_line
+from interplan_sumo.errors import (
+    InputError,
+    PlannerError,
+    PlannerLoadError,
+    PlannerOverdueError,
+    ProcessRefusedError,
+    clean_line,
+)
 from interplan_sumo.planner import Mission, Observation
 from interplan_sumo.planner_process.channel import CLOSED, ChannelError, Overdue, PlannerChannel
 from interplan_sumo.planner_process.command import command_of
@@ -73,7 +80,10 @@ class PlannerProcess(PlannerSeat):
         self._ended = False
         self.killed_from_outside = False
         """Whether somebody else ended it, an operator or the system: nobody knows how the drive would have gone on."""
-        ours, theirs = _pipes()
+        try:
+            ours, theirs = _pipes()
+        except OSError as error:
+            raise _refused(name, error) from None
         launch = [sys.executable, "-I", "-S", str(_LAUNCHER), str(theirs[0]), str(theirs[1])]
         try:
             self._process = subprocess.Popen(
@@ -86,7 +96,7 @@ class PlannerProcess(PlannerSeat):
         except OSError as error:
             for each in ours:
                 os.close(each)
-            raise InputError(f"cannot start a process for planner {name!r}: {error.strerror or error}") from None
+            raise _refused(name, error) from None
         finally:
             for each in theirs:
                 os.close(each)
@@ -267,6 +277,13 @@ def _kill(process: subprocess.Popen[bytes], channel: PlannerChannel, known: Mapp
     kill_family(process.pid, known=known)
     process.wait()
     channel.close()
+
+
+def _refused(name: str, error: OSError) -> ProcessRefusedError:
+    return ProcessRefusedError(
+        f"cannot start a process for planner {name!r}: {error.strerror or error}; give fewer --workers, or repeat the "
+        "command when the machine has room"
+    )
 
 
 def _pipes() -> tuple[tuple[int, int, int], tuple[int, int, int]]:

@@ -7,6 +7,8 @@ from typing import Final
 
 import numpy as np
 
+from interplan_sumo.errors import InputError
+from interplan_sumo.extras import need_matplotlib
 from interplan_sumo.report.atlas import Atlas
 from interplan_sumo.report.atlas_page import GREEN, HIGH, RED, WIDE, atlas_map, axis_ticks
 from interplan_sumo.world.files import writing
@@ -23,6 +25,7 @@ def plot_atlas(atlas: Atlas, path: Path) -> None:
 
     InputError if the file cannot be written, or is to be of a kind that matplotlib does not know.
     """
+    need_matplotlib("the atlas as a picture")
     from matplotlib import rc_context
     from matplotlib.figure import Figure
     from matplotlib.patches import Rectangle
@@ -48,5 +51,8 @@ def plot_atlas(atlas: Atlas, path: Path) -> None:
     axes.set_ylim(0.0, 1.0)
     axes.set_title(f"{atlas.planner}, {atlas.family}: {atlas.solved} of {len(atlas.scenes)} solved", fontsize=10)
     figure.legend(loc="outside lower center", ncols=2, frameon=False)
+    kind = path.suffix.lower()
+    if kind not in UNTOLD:
+        raise InputError(f"{path}: pictures end in .png, .svg or .pdf")
     with writing(path, "give another file as --png"), rc_context({"svg.hashsalt": "atlas"}):
-        figure.savefig(path, metadata={UNTOLD[kind]: None} if (kind := path.suffix.lower()) in UNTOLD else None)
+        figure.savefig(path, metadata={UNTOLD[kind]: None})

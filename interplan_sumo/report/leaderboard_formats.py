@@ -100,6 +100,7 @@ def leaderboard_page(board: Leaderboard, path: Path | None = None) -> str:
     """The page; whatever names, cards and reasons hold is text. Replays that lie beside `path` are linked."""
     table, shown = board.table, shown_columns(board.table, paper=False)
     drives = shown_drives(table)
+    links = drive_links(drives, path)
     part = files(pages.__package__ or "")
     return pages.html(
         "leaderboard.html.j2",
@@ -115,5 +116,5 @@ def leaderboard_page(board: Leaderboard, path: Path | None = None) -> str:
         judged_by=judged_by,
         plan_time=plan_time,
         differs=[said for entry in board.entries for said in what_differs(entry)],
-        replays=[(drive, links) for drive in drives if (links := drive_links(drives, path).get(drive.anchor))],
+        replays=[(drive, there) for drive in drives if (there := links.get(drive.anchor))],
     )

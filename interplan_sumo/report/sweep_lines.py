@@ -60,7 +60,8 @@ def _goal_lane(row: Row) -> float | None:
     """Of lane-change scenarios only: elsewhere hardly anybody misses it."""
     if not find_family(row.family).changes_lanes:
         return None
-    return 0.0 if row.fault else 100.0 * bool(row.metrics["lane_changes"].detail["goal"])
+    detail = _detail(row, "lane_changes")
+    return 0.0 if row.fault else None if detail is None else 100.0 * bool(detail["goal"])
 
 
 def _at_fault(row: Row) -> float | None:

@@ -261,8 +261,12 @@ def _lines(driven: Sequence[DrivenRun], columns: Sequence[Column]) -> Iterator[t
     """A line per planner and run, in order; one for two runs if they are the planner's only ones, one of each kind."""
     named = [(each, planner, planner_label(planner, each.run)) for each in driven for planner in each.keys]
     for each, planner, name in named:
-        same = sorted((other for other, _, label in named if label == name), key=lambda other: other.ordinary)
-        if [other.ordinary for other in same] != [False, True]:
+        alike = [(other, spec) for other, spec, label in named if label == name]
+        same = sorted((other for other, _ in alike), key=lambda other: other.ordinary)
+        versions = {
+            other.run.manifest.planners[spec].hash for other, spec in alike if spec in other.run.manifest.planners
+        }
+        if [other.ordinary for other in same] != [False, True] or len(versions) > 1:
             yield _line([each], columns, planner, f"{name} ({each.run.path.name})" if len(same) > 1 else name)
         elif each is next(other for other, _, label in named if label == name):
             yield _line(same, columns, planner, name)

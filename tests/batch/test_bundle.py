@@ -369,6 +369,21 @@ def test_an_official_suite_is_not_taken_for_a_file_and_no_file_for_a_suite(home:
 # --- archives ---
 
 
+def test_no_bundle_is_written_that_a_judge_would_refuse(
+    home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    place = tmp_path / "bundle.zip"
+    for module, limit, words in (
+        ("bundle", "MOST_PLANS", "MiB of plans, at most"), ("bundle_zip", "MOST_BYTES", "larger than what is taken"),
+        ("bundle_zip", "MOST_UNPACKED", "larger than what is taken"), ("bundle_zip", "MOST_FILES", "larger than what"),
+    ):  # fmt: skip
+        with monkeypatch.context() as patch:
+            patch.setattr(f"interplan_sumo.batch.{module}.{limit}", 1)
+            with pytest.raises(InputError, match=words):
+                submit(read_run(home / "run"), place, "straight_ahead")
+        assert not place.exists()
+
+
 def refused(path: Path, words: str) -> None:
     with pytest.raises(InputError, match=words) as told, open_bundle(path):
         pass

@@ -61,6 +61,18 @@ def test_a_worker_opens_its_group_once_and_serves_many_tasks(tmp_path: Path) -> 
     assert len({o.value["process"] for o in outcomes}) == 1
 
 
+def test_a_machine_that_refuses_a_process_ends_the_run_and_blames_no_planner(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(engine, "TURN", 1)
+    groups = (f"is refused a process in {tmp_path / 'mark'}", "works")
+    tasks = [Task((group, n), group, (n, str(tmp_path))) for group in groups for n in range(3)]
+    done: list[Outcome] = []
+    with pytest.raises(InputError, match="cannot start a process"):
+        done.extend(run_tasks(tasks, open_toy, workers=1, limits=QUICK))
+    assert not any(outcome.fault for outcome in done)
+
+
 def test_groups_take_turns_where_workers_are_few(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(engine, "TURN", 2)
     tasks = [Task((group, n), group, (n, str(tmp_path))) for group in ("works", "works too") for n in range(3)]

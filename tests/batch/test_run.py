@@ -20,7 +20,14 @@ from interplan_sumo.batch.run_folder import StoredRun, read_run
 from interplan_sumo.batch.score_job import rescore
 from interplan_sumo.batch.trace_difference import difference
 from interplan_sumo.batch.verify import RowSample, verify
-from interplan_sumo.errors import InputError, MapError, RunFolderError, UnknownNameError, VehicleTypeError
+from interplan_sumo.errors import (
+    InputError,
+    MapError,
+    PlannerLoadError,
+    RunFolderError,
+    UnknownNameError,
+    VehicleTypeError,
+)
 from interplan_sumo.maps.store import find_map
 from interplan_sumo.planner_source import PlannerSource
 from interplan_sumo.scenario.suite import find_suite
@@ -144,6 +151,21 @@ def test_only_a_planner_of_the_run_can_be_driven_again(tmp_path: Path) -> None:
     with pytest.raises(UnknownNameError, match="planner of this run to redo"):
         run(request(tmp_path / "run", "straight_ahead", redo=("idm",)))
     assert not (tmp_path / "run").exists()
+
+
+def test_a_planner_that_cannot_be_built_any_more_leaves_its_drives(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = request(tmp_path / "run", "straight_ahead")
+    before = hashes(run(asked))
+
+    def broken(*_: object) -> object:
+        raise PlannerLoadError("a slip of the pen")
+
+    monkeypatch.setattr("interplan_planners.straight_ahead.StraightAhead.__init__", broken)
+    with pytest.raises(PlannerLoadError):
+        run(replace(asked, redo=("straight_ahead",)))
+    assert hashes(read_run(tmp_path / "run")) == before
 
 
 @pytest.mark.nightly

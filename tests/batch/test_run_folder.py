@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from interplan_sumo.batch.records import AppliedOverrides, PlannerRecord, RequestedJobs
 from interplan_sumo.batch.run_folder import RunFolder, place_folder, read_run, slug, trace_place
-from interplan_sumo.errors import RunFolderError
+from interplan_sumo.errors import InputError, RunFolderError
 from tests.records import asked, manifest, row
 
 
@@ -111,6 +111,49 @@ def test_an_edited_planner_is_refused_until_its_rows_are_to_be_driven_again(tmp_
         opened(tmp_path / "run", **planned("one"))
     with opened(tmp_path / "run", **planned("two")) as folder:
         assert len(folder.done) == 2
+
+
+@pytest.mark.parametrize("version", ["one", "two"])
+def test_drives_to_be_done_again_go_on_where_they_were_stopped(version: str, tmp_path: Path) -> None:
+    with opened(tmp_path / "run", **planned("one")) as folder:
+        for number in range(3):
+            folder.append(row(f"a/{number}", 0.25))
+    folder = opened(tmp_path / "run", redo=("idm",), **planned(version))
+    assert folder.done == set()
+    folder.append(row("a/0", 0.5))
+    folder.__exit__(KeyboardInterrupt)
+    with opened(tmp_path / "run", redo=("idm",), **planned(version)) as folder:
+        assert folder.done == {("a/0", "idm", 0)}
+        folder.append(row("a/1", 0.5))
+        folder.append(row("a/2", 0.5))
+    with opened(tmp_path / "run", redo=("idm",), **planned(version)) as folder:
+        assert folder.done == set()  # all had been done: this is another time
+
+
+def test_another_limit_of_plans_is_refused(tmp_path: Path) -> None:
+    opened(tmp_path / "run", plan_limit_s=10.0).close()
+    with pytest.raises(RunFolderError, match=r"a run with --plan-limit 10, this one has 0\.5; give another folder"):
+        opened(tmp_path / "run", plan_limit_s=0.5)
+    with pytest.raises(RunFolderError, match="a run with --plan-limit 10, this one has 0; give another folder"):
+        opened(tmp_path / "run", plan_limit_s=None)
+
+
+def test_an_empty_folder_is_left_empty_by_what_cannot_be_driven(tmp_path: Path) -> None:
+    with pytest.raises(InputError), opened(tmp_path):
+        raise InputError("no such planner")
+    assert {each.name for each in tmp_path.iterdir()} <= {"lock"}
+    opened(tmp_path).close()
+
+
+def test_a_file_system_without_locks_is_not_taken_for_a_folder_in_use(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def without(_handle: int, _how: int) -> None:
+        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
+
+    monkeypatch.setattr("fcntl.flock", without)
+    with pytest.raises(RunFolderError, match=r"cannot write .*No locks available"):
+        opened(tmp_path / "run")
 
 
 def test_a_planner_that_was_edited_before_it_drove_is_no_matter(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from interplan_sumo.batch.tasks import Answer, Fault, OpenGroup, Publish, Task, Work
-from interplan_sumo.errors import InputError, MapError, TrafficError
+from interplan_sumo.errors import InputError, MapError, ProcessRefusedError, TrafficError
 from interplan_sumo.planner_process.deaths import KilledWhileBuiltError
 
 if TYPE_CHECKING:  # every worker imports this module: SUMO and pandas with it would be most of what the tests take
@@ -31,6 +31,12 @@ def open_toy(group: str, publish: Publish) -> Work:
             file.write("x")
         if "always" in group or marks.stat().st_size == 1:
             raise KilledWhileBuiltError("its process was killed")
+    if group.startswith("is refused a process"):
+        marks = Path(group.partition(" in ")[2])
+        with marks.open("a") as file:
+            file.write("x")
+        if marks.stat().st_size > 1:
+            raise ProcessRefusedError("cannot start a process")
     if group == "raises while opening":
         raise RuntimeError("no weights")
     if group == "opens forever":

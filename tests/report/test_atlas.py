@@ -165,6 +165,11 @@ def test_equal_atlases_give_equal_pictures_at_any_time(kind: str, found: Atlas, 
     assert first.read_bytes() == second.read_bytes()
 
 
+def test_a_picture_of_no_known_kind_is_one_line(found: Atlas, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"a\.jpeg2: pictures end in \.png, \.svg or \.pdf"):
+        plot_atlas(found, tmp_path / "a.jpeg2")
+
+
 def test_what_cannot_be_told_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     place = folder(tmp_path / "hard", [scene(number) for number in range(10)])
     for words, given in (

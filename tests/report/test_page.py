@@ -123,6 +123,13 @@ def test_a_family_is_folded_under_the_mean_of_each_planner_and_says_what_it_asks
     assert " open" not in re.findall(r"<details[^>]*>", html)
 
 
+def test_a_family_that_is_half_driven_has_no_mean() -> None:
+    rows = [drive(f"nudge/{n}", 0.9) for n in range(3)]
+    for missing in ((), ("nudge/3",), ("strip.nudge/3",)):
+        seen = page(make_table([stored(*rows, missing=missing)]), paper=False)
+        assert ("90, mean of 3 drives" in seen, "idm: not all is driven" in seen) == (not missing, bool(missing))
+
+
 def test_every_column_is_explained() -> None:
     html = page(make_table([stored(drive("nudge/0", 1.0), drive("lane_change_ltd/0", 1.0))]))
     titles = re.findall(r'<th class="n" scope="col" title="[^"]+">([^<]+)</th>', html)

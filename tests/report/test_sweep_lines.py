@@ -89,6 +89,16 @@ def mean(line: SweepLine, key: str) -> float:
     return found.value
 
 
+def test_who_is_not_judged_for_lane_changes_has_no_share_of_goal_lanes() -> None:
+    goal_lane = next(each for each in MEASURES if each.key == "goal_lane")
+    told = drove(0, lane_changes=1.0)
+    told.metrics["lane_changes"].detail["goal"] = True
+    assert goal_lane.value(told) == 100.0
+    del told.metrics["lane_changes"]
+    assert goal_lane.value(told) is None
+    assert goal_lane.value(drove(0, 0.0, fault=("planner", "it failed"))) == 0.0
+
+
 def test_figures_are_means_over_scenarios() -> None:
     rows = [
         drove(0, 1.0, braking=2.0),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from msgspec.structs import replace
 
-from interplan_sumo.batch.records import Shard
+from interplan_sumo.batch.records import PlannerRecord, Shard
 from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.errors import RunFolderError
 from interplan_sumo.report.table import Cell, make_table
@@ -189,6 +189,18 @@ def test_changed_traffic_finds_no_ordinary_run_of_the_official_one() -> None:
         line.label: (line.cells["interplan"].value, line.cells["ordinary"].value) for line in make_table(runs).lines
     }
     assert found == {"idm [density=high]": (100.0, None), "idm": (None, 90.0)}
+
+
+def test_a_planner_that_was_edited_between_two_runs_has_a_line_for_each() -> None:
+    def of(version: str) -> dict[str, PlannerRecord]:
+        return {"idm": PlannerRecord(version, {})}
+
+    for version, lines in (("one", 1), ("two", 2)):
+        rare = stored(drive("nudge/0", 0.5), planners=of("one"))
+        assert (
+            len(make_table([rare, ordinary(drive("following_lane_with_lead/0", 1.0), planners=of(version))]).lines)
+            == lines
+        )
 
 
 def test_two_runs_of_a_kind_are_told_apart_and_paired_with_nothing() -> None:

@@ -11,7 +11,7 @@ from markupsafe import Markup
 from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.batch.stored_drive import StoredDrives
 from interplan_sumo.errors import InterplanError
-from interplan_sumo.families import families, find_family
+from interplan_sumo.families import families, find_family, named_family
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.report.page.drives import BANDS, ShownDrive, band, by_scenario, shown
 from interplan_sumo.report.page.thumbnails import thumbnail
@@ -121,7 +121,7 @@ def family_blocks(
             FamilyMean.of(
                 line.label,
                 [drive for drive in mine if drive.line == number],
-                missing=any(scenario in cells for scenario, _, _ in line.missing),
+                missing=any(scenario in cells or named_family(scenario) == family for scenario, _, _ in line.missing),
             )
             for number, line in enumerate(table.lines)
         ]
