@@ -49,6 +49,8 @@ class AtlasScene:
     score: float
     """0 to 1, the mean over the seeds."""
     draws: Mapping[str, NotedDraw]
+    trace_hash: str = ""
+    """Of its worst drive, where it is kept."""
 
     @property
     def solved(self) -> bool:
@@ -190,14 +192,17 @@ def _one(what: str, asked: str | None, known: Sequence[str]) -> str:
 
 
 def _scenes_of(run: StoredRun, planner: str, drawn: Mapping[str, Mapping[str, NotedDraw]]) -> list[AtlasScene]:
-    drives: dict[str, list[tuple[float, int, str]]] = {}
+    drives: dict[str, list[tuple[float, int, str, str]]] = {}
     for row in run.rows.values():
         if row.planner == planner and row.score is not None and row.scenario_id in drawn:
-            drives.setdefault(row.scenario_id, []).append((row.score, row.seed, row.family))
-    return [
-        AtlasScene(id, found[0][2], min(found)[1], sum(each[0] for each in found) / len(found), drawn[id])
-        for id, found in drives.items()
-    ]
+            about = (row.score, row.seed, row.family, row.trace_hash or "")
+            drives.setdefault(row.scenario_id, []).append(about)
+    scenes: list[AtlasScene] = []
+    for id, found in drives.items():
+        _, seed, family, trace_hash = min(found)
+        mean = sum(score for score, *_ in found) / len(found)
+        scenes.append(AtlasScene(id, family, seed, mean, drawn[id], trace_hash))
+    return scenes
 
 
 def atlas(

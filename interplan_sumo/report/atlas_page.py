@@ -13,9 +13,9 @@ from urllib.parse import quote
 
 import numpy as np
 
-from interplan_sumo.batch.run_folder import slug
 from interplan_sumo.report.atlas import Atlas, AtlasAxis, AtlasScene, nearness, value_text
 from interplan_sumo.report.page.drives import band, replays_folder, shown
+from interplan_sumo.report.page.drives import replay_name as drive_replay
 from interplan_sumo.report.page.html import html, style_of
 from interplan_sumo.verification.hard_folder import TRIED
 from interplan_sumo.world.files import writing
@@ -213,7 +213,7 @@ def axis_ticks(axis: AtlasAxis) -> list[tuple[float, str]]:
 
 def replay_name(atlas: Atlas, scene: AtlasScene) -> str:
     """File name of the replay of a drive, as reports call it."""
-    return f"{slug(f'{scene.id} {atlas.planner} seed {scene.seed}')}.html"
+    return drive_replay(scene.id, atlas.planner, scene.seed, scene.trace_hash)
 
 
 def scene_link(atlas: Atlas, scene: AtlasScene, page: Path | None) -> SceneLink:

@@ -181,6 +181,8 @@ def test_a_replay_that_lies_there_is_linked_and_one_that_does_not_is_told_how_to
     assert f'<a href="report-replays/{there.replay}#decides">replay</a>' in html
     assert html.count(">replay</a>") == 1
     assert f"interplan-sumo replay {tmp_path / 'run'} nudge/1 --planner idm --html" in read(html).text
+    again = stored(drive("nudge/0", 0.0, trace_hash="driven again"), drive("nudge/1", 1.0), path=str(tmp_path / "run"))
+    assert page(make_table([again]), [again], path=tmp_path / "report.html").count(">replay</a>") == 0
 
 
 def test_ordinary_driving_stands_first() -> None:

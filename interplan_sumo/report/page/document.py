@@ -79,11 +79,11 @@ def _links(
 ) -> dict[str, list[tuple[str, str]]]:
     """Of each drive, by anchor, the replays that lie there: where each shows what decided, and what it is."""
     base = quote(folder.name) if folder is not None else ""
-    pairs = {scenario for scenario in by_scenario(drives) if pair_replay(scenario) in replays}
+    pairs = {scenario: name for scenario, all in by_scenario(drives).items() if (name := pair_replay(all)) in replays}
     found: dict[str, list[tuple[str, str]]] = {}
     for drive in drives:
         names = [(drive.replay, "replay")] if drive.replay in replays else []
-        names += [(pair_replay(drive.scenario), "best and worst")] if drive.scenario in pairs else []
+        names += [(pairs[drive.scenario], "best and worst")] if drive.scenario in pairs else []
         found[drive.anchor] = [(f"{base}/{quote(name)}#decides", text) for name, text in names]
     return found
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
@@ -36,11 +36,12 @@ class ShownDrive:
     reached_goal: bool
     fault: bool
     reasons: tuple[str, ...]
+    trace_hash: str
 
     @property
     def replay(self) -> str:
-        """File name of its replay."""
-        return f"{slug(f'{self.scenario} {self.label} seed {self.seed}')}.html"
+        """File name of its replay: another one if it is driven again and comes out otherwise."""
+        return replay_name(self.scenario, self.label, self.seed, self.trace_hash)
 
     @property
     def lost(self) -> bool:
@@ -84,6 +85,7 @@ def shown_drives(table: ResultsTable) -> list[ShownDrive]:
             reached_goal=row.reached_goal,
             fault=bool(row.fault),
             reasons=() if _is_whole(row) else tuple(lost_points(row)),
+            trace_hash=row.trace_hash or "",
         )
         for number, line in enumerate(table.lines)
         for row in line.rows
@@ -111,6 +113,12 @@ def replays_folder(page: Path) -> Path:
     return page.with_name(f"{page.stem}-replays")
 
 
-def pair_replay(scenario: str) -> str:
-    """File name of the replay of a scenario's best and worst drive side by side."""
-    return f"{slug(f'{scenario} best and worst')}.html"
+def replay_name(scenario: str, label: str, seed: int, trace_hash: str) -> str:
+    """File name of the replay of a drive."""
+    return f"{slug(f'{scenario} {label} seed {seed} {trace_hash}')}.html"
+
+
+def pair_replay(drives: Sequence[ShownDrive]) -> str:
+    """File name of the replay of the best and the worst of the drives of a scenario side by side."""
+    scenario, traces = drives[0].scenario, " ".join(sorted(drive.trace_hash for drive in drives))
+    return f"{slug(f'{scenario} best and worst {traces}')}.html"

@@ -100,7 +100,7 @@ def replay_jobs(table: ResultsTable, runs: Sequence[StoredRun], page: Path, whic
         if scored:
             best, worst = (choose(scored, key=lambda drive: drive.rank) for choose in (max, min))
             if best.line != worst.line and best.score != worst.score:
-                jobs.append(ReplayJob((place(best), place(worst)), folder / pair_replay(scenario)))
+                jobs.append(ReplayJob((place(best), place(worst)), folder / pair_replay(all_drives[scenario])))
     return jobs
 
 
