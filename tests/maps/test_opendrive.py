@@ -80,6 +80,26 @@ def test_borders_stand_in_for_widths(tmp_path: Path) -> None:
     assert local(source.lanes["1/0/-2"].left) == [(0, -3), (100, -3)]
 
 
+def bordered(id_: int, *row: float) -> str:
+    return lane(id_, width=[], inner=cubic("border", "sOffset", (0, *row)))
+
+
+def test_borders_of_right_lanes_may_lie_to_the_left_of_the_reference_line(tmp_path: Path) -> None:
+    middle = cubic("laneOffset", "s", (0, 4.5))
+    source = read(tmp_path, road("1", section(bordered(-1, 1.0), bordered(-2, -2.5)), offsets=middle))
+    assert local(source.lanes["1/0/-1"].right) == [(0, 1), (100, 1)]
+    assert local(source.lanes["1/0/-2"].left) == [(0, 1), (100, 1)]
+    assert local(source.lanes["1/0/-2"].right) == [(0, -2.5), (100, -2.5)]
+
+
+def test_borders_that_are_written_without_a_sign_lie_on_the_side_of_their_lane(tmp_path: Path) -> None:
+    opening = bordered(-2, 3.0, 0.04)
+    source = read(tmp_path, road("1", section(bordered(1, 3.0), bordered(-1, 3.0), opening)))
+    assert local(source.lanes["1/0/-1"].right) == [(0, -3), (45, -3)]
+    assert local(source.lanes["1/0/-2:2"].right) == [(45, -4.8), (100, -7)]
+    assert local(source.lanes["1/0/1"].right)[1] == (0, 3)
+
+
 def test_a_lane_is_one_where_it_is_wide_enough_for_a_car(tmp_path: Path) -> None:
     opening = lane(-2, width=[(0, 0.0, 0.09), (40, 3.6)])
     source = read(tmp_path, road("1", section(lane(-1), opening)))
@@ -100,6 +120,14 @@ def test_sections_of_one_side_leave_the_other_as_it_is(tmp_path: Path) -> None:
     assert set(source.lanes) == {"1/0/1", "1/0/-1", "1/1/-1", "1/1/-2"}
     assert local(source.lanes["1/0/1"].left) == [(100, 0), (0, 0)]
     assert links(source) == {("1/0/-1", "1/1/-2")}
+
+
+@pytest.mark.parametrize("id_", [-1, 1])
+def test_a_road_may_have_sections_of_one_side_only(tmp_path: Path, id_: int) -> None:
+    sections = section(lane(id_, after=(id_,)), one_side=True), section(lane(id_), s=60, one_side=True)
+    source = read(tmp_path, road("1", *sections))
+    assert set(source.lanes) == {f"1/0/{id_}", f"1/1/{id_}"}
+    assert len(links(source)) == 1
 
 
 KINDS = ["shoulder", "sidewalk", "parking", "biking", "bus", "none"]

@@ -37,7 +37,7 @@ class XodrLane:
     width: PiecewiseCubic | None
     """Stations from the start of the section."""
     border: PiecewiseCubic | None
-    """How far its outer edge lies from the middle, in place of a width."""
+    """How far its outer edge lies to the left of the reference line, in place of a width."""
     predecessors: tuple[int, ...]
     successors: tuple[int, ...]
     limits: tuple[tuple[float, float | None], ...]
