@@ -26,6 +26,7 @@ from tests.maps.opendrive_files import (
     written,
     xodr,
 )
+from tests.realdata import real
 
 
 def read(folder: Path, *parts: str, header: str = "<header/>") -> SourceMap:
@@ -203,6 +204,65 @@ def test_the_limit_of_a_lane_overrules_and_cuts_it_where_it_begins(tmp_path: Pat
     limits = {id_: lane_.speed_limit_mps for id_, lane_ in source.lanes.items()}
     assert limits == {"1/0/-1": 20.0, "1/0/-1:2": pytest.approx(30 / 3.6)}
     assert local(source.lanes["1/0/-1:2"].left)[0] == (60, 0)
+
+
+LIMIT = 'dynamic="no" orientation="{}" value="{}" unit="{}"'
+
+
+def signed(*signs: str, sections: str = section(lane(1), lane(-1))) -> str:
+    """A road with a limit of 50 km/h and signs."""
+    return road("1", sections, inner=speed("50", "km/h") + f"<signals>{''.join(signs)}</signals>")
+
+
+def limits_kmh(source: SourceMap) -> dict[str, int]:
+    return {id_: round(3.6 * (lane_.speed_limit_mps or 0.0)) for id_, lane_ in source.lanes.items()}
+
+
+def test_a_sign_overrules_the_limit_of_the_road_from_where_it_stands_in_its_direction(tmp_path: Path) -> None:
+    source = read(tmp_path, signed(signal("a", 20, "274", LIMIT.format("+", "3.0e+01", "km/h"))))
+    assert limits_kmh(source) == {"1/0/-1": 50, "1/0/-1:2": 30, "1/0/1": 50, "1/0/1:2": 50}
+    assert local(source.lanes["1/0/-1:2"].left)[0] == (20, 0)
+    against = read(tmp_path, signed(signal("a", 20, "R2-1", LIMIT.format("-", "25", "mph"))))
+    assert limits_kmh(against) == {"1/0/-1": 50, "1/0/-1:2": 50, "1/0/1": 40, "1/0/1:2": 50}
+
+
+def test_a_sign_holds_up_to_the_next_one_or_to_the_end_of_its_limit(tmp_path: Path) -> None:
+    signs = [signal(str(s), s, "274", LIMIT.format("+", limit, "")) for s, limit in ((20, 30), (60, 70))]
+    end = signal("end", 80, "278", 'dynamic="no" orientation="none"')
+    source = read(tmp_path, signed(*signs, end, sections=section(lane(-1))))
+    assert [limits_kmh(source)[f"1/0/-1{piece}"] for piece in ("", ":2", ":3", ":4")] == [50, 30, 70, 50]
+
+
+def test_a_sign_for_one_lane_leaves_the_others_as_they_are(tmp_path: Path) -> None:
+    named = signal("a", 0, "274", LIMIT.format("+", 30, "km/h"), '<validity fromLane="-2" toLane="-2"/>')
+    assert limits_kmh(read(tmp_path, signed(named, sections=section(lane(-1), lane(-2))))) == {
+        "1/0/-1": 50, "1/0/-2": 30,
+    }  # fmt: skip
+
+
+def test_a_reference_to_a_sign_holds_where_it_stands(tmp_path: Path) -> None:
+    origin = signal("a", 0, "274", LIMIT.format("+", 30, "km/h"), '<validity fromLane="0" toLane="0"/>')
+    reference = '<signalReference id="a" s="60" t="0" orientation="+"/>'
+    source = read(tmp_path, signed(origin, reference, sections=section(lane(-1))))
+    assert limits_kmh(source) == {"1/0/-1": 50, "1/0/-1:2": 30}
+
+
+def test_what_a_file_says_that_a_sign_means_is_its_limit(tmp_path: Path) -> None:
+    said = '<semantics><speed type="maximum" value="10" unit="m/s"/></semantics>'
+    sign = signal("a", 0, "C14", 'dynamic="no" orientation="+"', said)
+    assert limits_kmh(read(tmp_path, signed(sign, sections=section(lane(-1))))) == {"1/0/-1": 36}
+
+
+@pytest.mark.parametrize("more", ['dynamic="no"', LIMIT.format("+", "-1", "km/h"), 'dynamic="yes" value="30"'])
+def test_signs_that_tell_no_limit_are_noted(tmp_path: Path, more: str) -> None:
+    source = read(tmp_path, signed(signal("a", 50, "274", more), sections=section(lane(-1))))
+    assert limits_kmh(source) == {"1/0/-1": 50}
+    assert any(note.startswith("1 signs of speed limits do not tell one") for note in source.notes)
+
+
+def test_the_limits_of_a_real_file_are_those_of_its_signs() -> None:
+    limits = limits_kmh(read_opendrive(real("opendrive", "multi_intersections.xodr")))
+    assert {id_: limit for id_, limit in limits.items() if limit} == {"242/0/-1:2": 70, "242/0/1": 50}
 
 
 # --- links -------------------------------------------------------------------------------------------

@@ -87,15 +87,15 @@ def controls_of(file: XodrFile, known: Mapping[str, XodrSignal], sides: Sides, n
         for signal in road.signals:
             origin = known.get(signal.id, signal)
             if is_light(origin):
-                lanes = list(_lanes_under(sides, network, road, signal))
+                lanes = list(lanes_under(sides, network, road, signal))
                 lit |= {signal.id} if lanes else set()
                 for lane in lanes:
                     _hang(found, network, road, lane, signal)
             elif (kind := sign_of(origin)) is not None:
-                for lane in _lanes_under(sides, network, road, signal):
+                for lane in lanes_under(sides, network, road, signal):
                     _put(found, network, road, lane, signal, kind)
             elif is_stop_line(origin):
-                _draw(found, list(_lanes_under(sides, network, road, signal)), signal)
+                _draw(found, list(lanes_under(sides, network, road, signal)), signal)
     for held, ways in ((found.lights_at_end, "successors"), (found.lights_at_start, "predecessors")):
         for lane in [id_ for id_ in held if not getattr(network.lanes[id_], ways)]:
             found.leading_nowhere.update(held.pop(lane))
@@ -108,20 +108,21 @@ def _is_meant(signal: XodrSignal) -> bool:
     return signal.validity != ((0, 0),)
 
 
-def _lanes_under(sides: Sides, network: Network, road: XodrRoad, signal: XodrSignal) -> Iterator[TravelLane]:
+def lanes_under(sides: Sides, network: Network, road: XodrRoad, signal: XodrSignal) -> Iterator[TravelLane]:
     """The lanes for cars for which a signal holds, where it stands.
 
     Named lanes count whatever the orientation, where it fits none of them.
     """
     if not _is_meant(signal):
         return
-    here = [stretch for stretch in _at(sides, road, signal.station_m) if _names(signal, stretch)]
+    here = [stretch for stretch in _at(sides, road, signal.station_m) if names(signal, stretch)]
     lanes = [lane for stretch in here for lane in network.of_stretch.get(stretch.id, ()) if lane.id in network.lanes]
     wanted = [lane for lane in lanes if signal.orientation not in "+-" or lane.along == (signal.orientation == "+")]
     yield from wanted or (lanes if signal.validity else ())
 
 
-def _names(signal: XodrSignal, stretch: DrawnStretch) -> bool:
+def names(signal: XodrSignal, stretch: DrawnStretch) -> bool:
+    """Whether a signal holds for a lane, as far as it names any."""
     return not signal.validity or any(low <= stretch.lane.id <= high for low, high in signal.validity)
 
 

@@ -94,6 +94,10 @@ class XodrSignal:
     validity: tuple[tuple[int, int], ...]
     """Ranges of lane ids, lowest first."""
     is_reference: bool = False
+    says_limit: bool = False
+    """Whether it begins or ends a speed limit."""
+    limit_mps: float | None = None
+    """The limit that it begins, NaN where that cannot be told; None where it ends one."""
 
 
 @dataclass(frozen=True, slots=True)
