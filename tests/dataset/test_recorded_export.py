@@ -86,6 +86,17 @@ def test_logs_of_a_folder_are_held_out_whole_and_a_car_off_the_lanes_is_left_out
     assert manifest.left_out == {"recorded off the lanes, or alone": 1}
 
 
+def test_logs_are_numbered_through_folders_and_files(tmp_path: Path, maps: Path) -> None:
+    (tmp_path / "logs").mkdir()
+    goes = {name: Goes(EGO.x_m, EGO.y_m, 0.0, 7.0 + k) for k, name in enumerate(("logs/a.db", "logs/b.db", "c.db"))}
+    *_, last = (write_log(tmp_path / name, ego, (LEADER,)) for name, ego in goes.items())
+    export(request(tmp_path / "data", maps, tmp_path / "logs", last, holdout_seeds=(1,)))
+    drives = read_dataset(tmp_path / "data").drives
+    assert {(drive.source, drive.seed, drive.split) for drive in drives} == {
+        ("a.db", 0, "train"), ("b.db", 1, "val"), ("c.db", 2, "train"),
+    }  # fmt: skip
+
+
 def test_recordings_need_a_map_and_the_error_says_so(tmp_path: Path, maps: Path) -> None:
     log = write_log(tmp_path / "drive.db", EGO, (LEADER,))
     with pytest.raises(InputError, match=r"no map for .*drive.db; give it with --map"):
