@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +16,7 @@ from interplan_sumo.dataset.reading import read_dataset
 from interplan_sumo.errors import InputError
 from interplan_sumo.features.schema import BY_NAME, SITUATIONS, channel_index
 from interplan_sumo.world.ego import PACIFICA
+from tests.maps.commonroad_files import rectangle, scenario, state, written
 from tests.recordings.nuplan_dbs import MAP, X_M, Y_M, Goes, maps_root, write_log
 
 EGO = Goes(X_M + 20.0, Y_M, 0.0, 8.0)  # its rear axle
@@ -95,6 +98,23 @@ def test_logs_are_numbered_through_folders_and_files(tmp_path: Path, maps: Path)
     assert {(drive.source, drive.seed, drive.split) for drive in drives} == {
         ("a.db", 0, "train"), ("b.db", 1, "val"), ("c.db", 2, "train"),
     }  # fmt: skip
+
+
+def test_a_recording_on_a_map_of_another_place_is_refused_with_the_reason(tmp_path: Path, maps: Path) -> None:
+    log = write_log(tmp_path / "drive.db", EGO, (LEADER,))
+    with closing(sqlite3.connect(log)) as tables, tables:
+        tables.execute("UPDATE ego_pose SET epsg = 32611")
+    with pytest.raises(InputError, match=r"drive.db is in EPSG:32611, map tiny-town in EPSG:32632; give the map"):
+        export(request(tmp_path / "data", maps, log))
+
+
+def test_a_recording_that_does_not_say_which_car_measured_is_refused_with_the_reason(
+    tmp_path: Path, maps: Path
+) -> None:
+    car = f'<dynamicObstacle id="7"><type>car</type>{rectangle()}{state(0, 0, 0, 0.0, 4.0, tag="initialState")}'
+    file = written(tmp_path, scenario(f"{car}</dynamicObstacle>"))
+    with pytest.raises(InputError, match="does not say which car measured"):
+        export(request(tmp_path / "data", maps / MAP / "9.1.1", file))
 
 
 def test_recordings_need_a_map_and_the_error_says_so(tmp_path: Path, maps: Path) -> None:
