@@ -196,4 +196,4 @@ def _is_log(path: Path) -> bool:
     return boxes and (folder / POSES).is_file() and any(folder.glob(BOXES))
 
 
-FORMAT = RecordingFormat("a sensor log of Argoverse 2", _is_log, read_argoverse2_sensor_log)
+FORMAT = RecordingFormat("a sensor log of Argoverse 2", _is_log, read_argoverse2_sensor_log, is_folder=True)

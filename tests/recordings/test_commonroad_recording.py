@@ -91,7 +91,9 @@ def test_a_speed_without_a_heading_points_where_it_moves_and_one_that_stands_kee
 
 
 def test_who_stands_at_first_without_a_heading_has_the_one_of_the_first_metres(tmp_path: Path) -> None:
-    states = [state(step, 0.0, y, None, speed) for step, (y, speed) in enumerate(((0, 0.0), (0, None), (0, 0), (-2, 9)))]
+    states = [
+        state(step, 0.0, y, None, speed) for step, (y, speed) in enumerate(((0, 0.0), (0, None), (0, 0), (-2, 9)))
+    ]
     states.append(state(4, 0.0, -4.0, None, 9.0))
     recording = read(tmp_path, moving(1, *states))
     np.testing.assert_allclose(local(recording)[:, 2], -math.pi / 2)
