@@ -397,6 +397,15 @@ def test_signs_before_a_junction(tmp_path: Path, kind: str, sign: StopLineKind |
     assert source.lanes["1/0/-1"].sign_at_end == sign
 
 
+def test_a_stop_sign_far_from_the_end_of_its_road_is_noted(tmp_path: Path) -> None:
+    def notes(station_m: float) -> list[str]:
+        sign = signal("s", station_m, "206", 'dynamic="no" orientation="+"')
+        return [note for note in read(tmp_path, crossing(west=equipped(sign))).notes if "yield signs" in note]
+
+    assert notes(59) == ["1 stop and yield signs hold at no end of a road for cars, such as s."]
+    assert notes(61) == []
+
+
 def test_stop_lines_lie_across_the_lanes_and_take_their_kind_from_what_stands_there(tmp_path: Path) -> None:
     line = signal("l", 99, "294", 'dynamic="no" orientation="+"')
     (drawn,) = read(tmp_path, crossing(west=equipped(signal("s", 98), line))).stop_lines

@@ -39,6 +39,8 @@ class Controls:
     """Lights before or behind which the map ends: nobody passes them."""
     idle: list[str] = field(default_factory=list[str])
     """Lights that hold for no lane for cars."""
+    idle_signs: list[str] = field(default_factory=list[str])
+    """Stop and yield signs that hold at no end of a road for cars."""
 
 
 def is_light(signal: XodrSignal) -> bool:
@@ -83,6 +85,7 @@ def controls_of(file: XodrFile, known: Mapping[str, XodrSignal], sides: Sides, n
     """
     found = Controls()
     lit: set[str] = set()
+    put: set[str] = set()
     for road in file.roads.values():
         for signal in road.signals:
             origin = known.get(signal.id, signal)
@@ -93,13 +96,15 @@ def controls_of(file: XodrFile, known: Mapping[str, XodrSignal], sides: Sides, n
                     _hang(found, network, road, lane, signal)
             elif (kind := sign_of(origin)) is not None:
                 for lane in lanes_under(sides, network, road, signal):
-                    _put(found, network, road, lane, signal, kind)
+                    put |= {signal.id} if _put(found, network, road, lane, signal, kind) else set()
             elif is_stop_line(origin):
                 _draw(found, list(lanes_under(sides, network, road, signal)), signal)
     for held, ways in ((found.lights_at_end, "successors"), (found.lights_at_start, "predecessors")):
         for lane in [id_ for id_ in held if not getattr(network.lanes[id_], ways)]:
             found.leading_nowhere.update(held.pop(lane))
     found.idle = [id_ for id_, signal in known.items() if is_light(signal) and id_ not in lit]
+    signs = (id_ for id_, signal in known.items() if not is_light(signal) and sign_of(signal) is not None)
+    found.idle_signs = [id_ for id_ in signs if id_ not in put]
     return found
 
 
@@ -187,8 +192,11 @@ def _before(network: Network, lane: TravelLane, station_m: float) -> TravelLane:
 
 def _put(
     found: Controls, network: Network, road: XodrRoad, lane: TravelLane, signal: XodrSignal, kind: StopLineKind
-) -> None:
-    """A sign before a junction; one on a way through it holds for those who come onto that way."""
+) -> bool:
+    """A sign before a junction; one on a way through it holds for those who come onto that way.
+
+    Whether it holds anywhere: one further from the end of its road than `_NEAR_M` does not.
+    """
     if road.junction:
         ends = [network.lanes[id_] for id_ in _first(network, lane).predecessors]
     elif _to_end_m(lane, signal.station_m) <= _NEAR_M:
@@ -197,6 +205,7 @@ def _put(
         ends = []
     for end in ends:
         found.sign_at_end[end.id] = min(kind, found.sign_at_end.get(end.id, kind))
+    return bool(ends)
 
 
 def _draw(found: Controls, lanes: list[TravelLane], signal: XodrSignal) -> None:

@@ -236,6 +236,9 @@ def _notes(file: XodrFile, joints: Joints, network: Network, controls: Controls)
         yield f"The reference lines of {len(torn)} roads have gaps, such as that of road {torn[0]}."
     if controls.idle:
         yield f"{len(controls.idle)} lights hold for no lane for cars, such as {controls.idle[0]}."
+    if controls.idle_signs:
+        where = f"such as {controls.idle_signs[0]}"
+        yield f"{len(controls.idle_signs)} stop and yield signs hold at no end of a road for cars, {where}."
     if controls.leading_nowhere:
         where = f"such as {next(iter(controls.leading_nowhere))}"
         yield f"{len(controls.leading_nowhere)} lights stand where the map ends, {where}: they are not kept."
