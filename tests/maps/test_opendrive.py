@@ -413,6 +413,31 @@ def test_stop_lines_lie_across_the_lanes_and_take_their_kind_from_what_stands_th
     assert sorted(local(drawn.points)) == [(99, -3.5), (99, 0)]
 
 
+BAND = '<object id="m" name="{}" type="roadMark" subtype="{}" s="98" t="-1.75" {} length="0.4" width="3.4"/>'
+
+
+@pytest.mark.parametrize(("name", "subtype"), [("", "signalLines"), ("Solid Stop Line", "")])
+def test_stop_lines_that_are_objects_lie_across_the_lanes_that_they_cover(
+    tmp_path: Path, name: str, subtype: str
+) -> None:
+    objects = f"<objects>{BAND.format(name, subtype, '')}</objects>"
+    (drawn,) = read(tmp_path, crossing(west=equipped(signal("s", 95, "206", 'dynamic="no"')) + objects)).stop_lines
+    assert (drawn.kind, drawn.lane_ids) == (StopLineKind.STOP_SIGN, ("1/0/-1",))
+    assert sorted(local(drawn.points)) == [(98, -3.45), (98, -0.05)]
+
+
+def test_marks_that_are_no_stop_lines_or_cover_no_lane_of_their_direction_are_none(tmp_path: Path) -> None:
+    marks = BAND.format("", "arrowLeft", ""), BAND.format("", "stopLine", 'orientation="-"')
+    assert read(tmp_path, crossing(west=f"<objects>{''.join(marks)}</objects>")).stop_lines == ()
+
+
+def test_a_stop_line_is_drawn_once_where_signal_and_object_tell_of_it(tmp_path: Path) -> None:
+    line = equipped(signal("l", 99, "294", 'dynamic="no" orientation="+"'))
+    objects = f"<objects>{BAND.format('', 'stopLine', '')}</objects>"
+    (drawn,) = read(tmp_path, crossing(west=line + objects)).stop_lines
+    assert drawn.id == "l"
+
+
 def test_crosswalks_and_parking_spaces(tmp_path: Path) -> None:
     corners = "".join(f'<cornerRoad s="{s}" t="{t}"/>' for s, t in ((50, -4), (53, -4), (53, 4), (50, 4)))
     local_corners = "".join(f'<cornerLocal u="{u}" v="{v}"/>' for u, v in ((-2, -1), (2, -1), (2, 1), (-2, 1)))

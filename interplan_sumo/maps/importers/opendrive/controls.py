@@ -7,8 +7,10 @@ from dataclasses import dataclass, field
 from operator import attrgetter
 
 import numpy as np
+import shapely
 
-from interplan_sumo.maps.importers.opendrive.elements import XodrFile, XodrRoad, XodrSignal
+from interplan_sumo.maps.importers.opendrive.areas import is_stop_mark, long_axis, outlines_of
+from interplan_sumo.maps.importers.opendrive.elements import XodrFile, XodrObject, XodrRoad, XodrSignal
 from interplan_sumo.maps.importers.opendrive.links import Sides
 from interplan_sumo.maps.importers.opendrive.stretches import DrawnStretch
 from interplan_sumo.maps.importers.opendrive.travel import Network, TravelLane
@@ -22,6 +24,8 @@ _NOT_FOR_CARS = frozenset(("1000002", "1000007", "1000013"))
 _STOP_KINDS, _YIELD_KINDS, _LINE_KINDS = frozenset(("206", "r1-1")), frozenset(("205", "r1-2")), frozenset(("294",))
 _NEAR_M = 40.0
 """A light or a sign so near to the end of its road holds there; a light further away holds where it stands."""
+_ACROSS_M = 0.5
+"""A stop line that comes so near to the middle of a lane is one of that lane."""
 _BEHIND_M = 5.0
 """A light so near behind the beginning of its road holds at that beginning."""
 
@@ -99,6 +103,10 @@ def controls_of(file: XodrFile, known: Mapping[str, XodrSignal], sides: Sides, n
                     put |= {signal.id} if _put(found, network, road, lane, signal, kind) else set()
             elif is_stop_line(origin):
                 _draw(found, list(lanes_under(sides, network, road, signal)), signal)
+    for road in file.roads.values():
+        for thing in road.objects:
+            if is_stop_mark(thing):
+                _draw_mark(found, sides, network, road, thing)
     for held, ways in ((found.lights_at_end, "successors"), (found.lights_at_start, "predecessors")):
         for lane in [id_ for id_ in held if not getattr(network.lanes[id_], ways)]:
             found.leading_nowhere.update(held.pop(lane))
@@ -222,6 +230,22 @@ def _draw(found: Controls, lanes: list[TravelLane], signal: XodrSignal) -> None:
         apart = np.hypot(*(points[:, None] - points[None]).transpose(2, 0, 1))
         one, other = np.unravel_index(int(apart.argmax()), apart.shape)
         found.lines.append((signal.id, points[[one, other]], tuple(lane.id for lane in lanes)))
+
+
+def _draw_mark(found: Controls, sides: Sides, network: Network, road: XodrRoad, mark: XodrObject) -> None:
+    """A stop line that is drawn as an object, unless a signal says of its lanes already that there is one."""
+    lined = {id_ for _, _, ids in found.lines for id_ in ids}
+    under = XodrSignal(
+        mark.id, mark.station_m, mark.left_m, mark.orientation, False, "", "", mark.name, "stopLine", mark.validity
+    )
+    lanes = list(lanes_under(sides, network, road, under))
+    for outline in outlines_of(road, mark):
+        line = long_axis(outline) if np.isfinite(outline).all() else None
+        if line is not None:
+            drawn = shapely.LineString(line)
+            met = [lane for lane in lanes if drawn.distance(shapely.LineString(lane.stretch.middle)) < _ACROSS_M]
+            if met and lined.isdisjoint(lane.id for lane in met):
+                found.lines.append((mark.id, line, tuple(lane.id for lane in met)))
 
 
 def _along(line: Floats, share: float) -> Floats:

@@ -127,6 +127,9 @@ class XodrObject:
     width_m: float
     outlines: tuple[tuple[Corner, ...], ...]
     repeats: tuple[XodrRepeat, ...]
+    orientation: str = "none"
+    """As of a signal."""
+    validity: tuple[tuple[int, int], ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

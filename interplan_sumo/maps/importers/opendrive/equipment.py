@@ -94,7 +94,8 @@ def objects_of(road: Element, number: Callable[..., float]) -> tuple[XodrObject,
     found: list[XodrObject] = []
     for element in road.iterfind("objects/object"):
         kind, name = element.get("type", "").strip(), element.get("name", "").strip()
-        if kind.lower() in _WANTED or "crosswalk" in name.lower() or "stopline" in name.lower():
+        called = name.lower().replace(" ", "")
+        if kind.lower() in _WANTED or "crosswalk" in called or "stopline" in called:
             try:
                 found.append(_object(element, kind, name, number))
             except UnusableRoadError:
@@ -127,6 +128,8 @@ def _object(element: Element, kind: str, name: str, number: Callable[..., float]
             )
             for repeat in element.iterfind("repeat")
         ),
+        orientation=element.get("orientation", "").strip() or "none",
+        validity=tuple(_validity(element, number)),
     )
 
 
