@@ -85,9 +85,14 @@ def window_drive(window: Window) -> tuple[Scenario, Roads, Trace]:
     return made, roads, trace
 
 
-def window_frames(trace: Trace, every_frames: int) -> range:
-    """The frames of a window that become samples: 2 s after its beginning, up to where the next window's begin."""
-    last = min(round(APART_S / STEP_S) + HISTORY_FRAMES - 1, len(trace) - FUTURE_FRAMES)
+def window_frames(window: Window, trace: Trace, every_frames: int) -> range:
+    """The frames of a window that become samples: 2 s after its beginning, up to where the next window's begin.
+
+    Of a recording that is one window, up to 8 s before its end.
+    """
+    last = len(trace) - FUTURE_FRAMES
+    if window.at_s is not None:
+        last = min(last, round(APART_S / STEP_S) + HISTORY_FRAMES - 1)
     return range(HISTORY_FRAMES - 1, last, every_frames)
 
 

@@ -13,9 +13,12 @@ import pytest
 from interplan_sumo.dataset.drives import DriveSelection
 from interplan_sumo.dataset.export import ExportRequest, export
 from interplan_sumo.dataset.reading import read_dataset
+from interplan_sumo.dataset.recorded import Window, window_frames
 from interplan_sumo.errors import InputError
 from interplan_sumo.features.schema import BY_NAME, SITUATIONS, channel_index
-from interplan_sumo.world.ego import PACIFICA
+from interplan_sumo.maps.store import find_map
+from interplan_sumo.world.ego import PACIFICA, EgoState
+from interplan_sumo.world.trace import ActorTable, EgoTrack, Trace
 from tests.maps.commonroad_files import rectangle, scenario, state, written
 from tests.recordings.nuplan_dbs import MAP, X_M, Y_M, Goes, maps_root, write_log
 
@@ -75,6 +78,14 @@ def test_windows_of_a_long_log_do_not_share_samples(tmp_path: Path, maps: Path) 
     assert len(dataset.drives) == 2
     np.testing.assert_allclose(np.diff(at_m), 2.0, atol=0.05)  # half a second each, without a gap or a repetition
     assert set(batch) >= set(BY_NAME)
+
+
+@pytest.mark.parametrize(("at_s", "last"), [(None, 315), (0.0, 215), (40.0, 215)])
+def test_a_recording_that_is_one_window_gives_samples_to_its_end(at_s: float | None, last: int) -> None:
+    ego = EgoTrack.of([EgoState(0.1 * frame, 0.8 * frame, 0.0, 0.0, 8.0) for frame in range(400)])
+    trace = Trace(ego, ActorTable.of([]), (), (), np.zeros(0))
+    frames = window_frames(Window(Path("drive"), "any", at_s, find_map("strip")), trace, 5)
+    assert (frames[0], frames[-1]) == (20, last)
 
 
 def test_logs_of_a_folder_are_held_out_whole_and_a_car_off_the_lanes_is_left_out(tmp_path: Path, maps: Path) -> None:
