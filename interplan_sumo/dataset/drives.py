@@ -124,8 +124,9 @@ def chosen_drives(
     left_out: Counter[str] = Counter()
     found = [drive for folder in dict.fromkeys(runs) for drive in _of_run(folder, left_out)]
     found += [drive for key in dict.fromkeys(suites) for drive in _of_suite(find_suite(key), left_out)]
-    for number, source in enumerate(dict.fromkeys(recordings)):
-        found += _of_recording(source, on_map, number, left_out)
+    numbers: dict[Path, int] = {}
+    for source in dict.fromkeys(recordings):
+        found += _of_recording(source, on_map, numbers, left_out)
     _check_names("family", choice.exclude, (drive.scenario.family for drive in found))
     kept: dict[tuple[str, str, int, str, str], Drive] = {}
     for drive in sorted(found, key=lambda each: (each.key, each.source)):
@@ -202,9 +203,11 @@ def _of_suite(suite: Suite, left_out: Counter[str]) -> Iterable[Drive]:
         )  # fmt: skip
 
 
-def _of_recording(source: Path, map: str, number: int, left_out: Counter[str]) -> Iterable[Drive]:
+def _of_recording(source: Path, map: str, numbers: dict[Path, int], left_out: Counter[str]) -> Iterable[Drive]:
+    """The drives of a recording, or of the logs in a folder; `numbers` counts the logs as they come."""
     package = versions()["interplan_sumo"]
     for window in windows(source, map):
+        number = numbers.setdefault(window.path, len(numbers))
         try:
             made, _, trace = window_drive(window)
         except ScenarioError:

@@ -185,7 +185,7 @@ def _write_part(out: Path, part: _Part) -> dict[str, Any]:
     scenario, roads, trace = driven(part.drive)
     frames: Sequence[int] | None = part.frames
     if frames is None and part.drive.window is not None:
-        frames = window_frames(trace, part.every_frames)
+        frames = window_frames(part.drive.window, trace, part.every_frames)
     columns = drive_samples(scenario, roads, trace, drive=part.number, every_frames=part.every_frames, frames=frames)
     write_arrays(_part_file(out, part.number), columns, level=1)
     shown = np.bincount(columns["situation"], minlength=len(schema.SITUATIONS))

@@ -65,9 +65,18 @@ def windows(source: Path, map: str, format: str | None = None) -> list[Window]:
 
 
 def window_drive(window: Window) -> tuple[Scenario, Roads, Trace]:
-    """The drive of a window; ScenarioError if the car that measured did not follow the lanes, or nobody is around."""
+    """The drive of a window; ScenarioError if the car that measured did not follow the lanes, or nobody is around.
+
+    InputError if the recording is not of the map, or does not say which car measured: it holds no drive at all.
+    """
     roads = load_roads(window.map.folder)
     recording = _recording(window)
+    if recording.ego_id is None:
+        raise InputError(f"{window.path} does not say which car measured: nobody is there to learn from")
+    if recording.crs != roads.crs:
+        raise InputError(
+            f"{window.path} is in {recording.crs}, map {roads.name} in {roads.crs}; give the map that belongs to it"
+        )
     ego = next((track for track in recording.tracks if track.id == recording.ego_id), None)
     went_m = 0.0 if ego is None else float(np.hypot(*np.diff(ego.poses[:, :2], axis=0).T).sum())
     made = scene(recording, roads, agents="replayed", goal_m=went_m + BEYOND_M).scenario
@@ -76,9 +85,14 @@ def window_drive(window: Window) -> tuple[Scenario, Roads, Trace]:
     return made, roads, trace
 
 
-def window_frames(trace: Trace, every_frames: int) -> range:
-    """The frames of a window that become samples: 2 s after its beginning, up to where the next window's begin."""
-    last = min(round(APART_S / STEP_S) + HISTORY_FRAMES - 1, len(trace) - FUTURE_FRAMES)
+def window_frames(window: Window, trace: Trace, every_frames: int) -> range:
+    """The frames of a window that become samples: 2 s after its beginning, up to where the next window's begin.
+
+    Of a recording that is one window, up to 8 s before its end.
+    """
+    last = len(trace) - FUTURE_FRAMES
+    if window.at_s is not None:
+        last = min(last, round(APART_S / STEP_S) + HISTORY_FRAMES - 1)
     return range(HISTORY_FRAMES - 1, last, every_frames)
 
 

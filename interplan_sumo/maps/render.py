@@ -196,14 +196,15 @@ def _controls(axes: Axes, roads: Roads) -> None:
 def _limit_signs(axes: Axes, roads: Roads) -> None:
     """A round sign beside every roadblock whose limit differs from what leads into it."""
     for block in roads.roadblocks.values():
-        if block.is_connector:
+        if block.is_connector or not block.lane_ids:
             continue
         lane = roads.lanes[block.lane_ids[-1 if roads.driving_side == "right" else 0]]
         limit = lane.speed_limit_mps
         before = {
-            roads.lanes[roads.roadblocks[upstream].lane_ids[0]].speed_limit_mps
+            roads.lanes[lane_id].speed_limit_mps
             for link in roads.incoming_roadblocks(block.id)
             for upstream in roads.incoming_roadblocks(link)
+            for lane_id in roads.roadblocks[upstream].lane_ids[:1]
         }
         if limit is None or limit in before:
             continue

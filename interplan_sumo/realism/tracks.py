@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
+from math import ceil
 from pathlib import Path
 from typing import Final, Literal, cast
 
@@ -15,7 +16,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from interplan_sumo.errors import InputError
-from interplan_sumo.recordings.formats import RECORDING_FORMATS, format_of
+from interplan_sumo.recordings.formats import RECORDING_FORMATS, RecordingFormat, format_of
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.geometry import Floats, frozen
 from interplan_sumo.world.recording import Recording
@@ -31,6 +32,8 @@ ACTOR_KINDS: Final[dict[ActorKind, TrackKind]] = {
     ActorKind.PEDESTRIAN: "pedestrian",
     ActorKind.BICYCLE: "bicycle",
 }
+PART_S: Final = 100.0
+"""Logs are read in parts of this length at most: what a car sees in it fits into memory."""
 _MOST_ROWS: Final = 50_000_000
 _FARTHEST_M: Final = 1e8
 _LARGEST_M: Final = 40.0
@@ -78,33 +81,66 @@ class RecordedTraffic:
 
 
 def open_recordings(paths: Sequence[Path]) -> tuple[RecordedTraffic, ...]:
-    """Files, and the plain track files in folders that are no recording themselves, in order; InputError."""
-    found: list[RecordedTraffic] = []
-    for path in paths:
-        plain = sorted(each for each in path.glob("*.parquet") if is_plain(each)) if path.is_dir() else []
-        found += [read_tracks(each) for each in plain] if plain else open_recording(path)
-    return tuple(found)
+    """Files, and all recordings in folders, in order; InputError."""
+    return tuple(traffic for path in paths for traffic in open_recording(path))
 
 
 def open_recording(path: Path) -> tuple[RecordedTraffic, ...]:
     """The plain track form, or whatever formats of recordings are known; InputError for anything else.
 
-    A log of nuPlan is read from its beginning to its end, in one piece.
+    A log of nuPlan is read from its beginning to its end, in parts of one length, `PART_S` at most. A folder that is
+    no recording itself is all that are in it.
     """
     if is_plain(path):
         return (read_tracks(path),)
     if not path.exists():
         raise InputError(f"cannot read {path}: there is no such file or folder")
-    try:
-        found = RECORDING_FORMATS[format_of(path)]
-    except InputError:
+    within = _within(path) if path.is_dir() else []
+    if within:
+        return tuple(traffic for each in within for traffic in open_recording(each))
+    name = _known_format(path)
+    if name is None:
         raise InputError(
             f"{path} is no recording: neither a plain track file (Parquet with the columns {', '.join(COLUMNS)}) "
             f"nor of one of the formats {', '.join(RECORDING_FORMATS)}"
-        ) from None
-    options = {"duration": found.lasts(path)[0]} if found.lasts is not None and path.is_file() else {}
-    read = found.read(path, **options)
-    return tuple(of_recording(each) for each in ([read] if isinstance(read, Recording) else read))
+        )
+    return tuple(_parts(path, RECORDING_FORMATS[name]))
+
+
+def _within(folder: Path) -> list[Path]:
+    """The recordings in a folder, in order; none if it is one itself."""
+    plain = [each for each in sorted(folder.glob("*.parquet")) if is_plain(each)]
+    if plain:
+        return plain
+    name = _known_format(folder)
+    if name is None:
+        return [each for each in sorted(folder.iterdir()) if _known_format(each) is not None]
+    kind = RECORDING_FORMATS[name]
+    files = folder.rglob("*") if kind.lasts is not None else folder.glob("*")
+    found = sorted(each for each in files if each.is_file() and kind.matches(each))
+    return found if kind.lasts is not None or (len(found) > 1 and not kind.is_folder) else []
+
+
+def _known_format(path: Path) -> str | None:
+    try:
+        return format_of(path)
+    except InputError:
+        return None
+
+
+def _parts(path: Path, kind: RecordingFormat) -> Iterator[RecordedTraffic]:
+    """A recording, or its scenes; a log in consecutive parts."""
+    if kind.lasts is None:
+        read = kind.read(path)
+        yield from (of_recording(each) for each in ([read] if isinstance(read, Recording) else read))
+        return
+    lasts_s = kind.lasts(path)[0]
+    count = max(1, ceil(lasts_s / PART_S))
+    for part in range(count):
+        at_s = part * lasts_s / count
+        read = kind.read(path, at=(at_s,), duration=lasts_s / count)
+        traffic = of_recording(read if isinstance(read, Recording) else read[0])
+        yield traffic if count == 1 else replace(traffic, name=f"{traffic.name} from {at_s:.0f} s")
 
 
 def unbroken(id_: str, time_s: Floats) -> Iterator[tuple[str, slice]]:

@@ -25,6 +25,12 @@ POSES: Final = "city_SE3_egovehicle.feather"
 BOXES: Final = "annotations*.feather"
 MAPS: Final = "log_map_archive_*.json"
 EGO_CATEGORY: Final = "EGO_VEHICLE"
+EGO_ID: Final = "ego"
+"""Of the car that measured, where the boxes leave it out, as those that are published do."""
+EGO_SIZE_M: Final = (4.877, 2.0)
+"""Length and width of the Ford Fusion Hybrid that measured, as the boxes of logs that hold it have them."""
+REAR_AXLE_TO_CENTER_M: Final = 1.339
+"""Of the same car, as py123d has it (`av2_ford_fusion_hybrid`): its frame begins at the rear axle."""
 MAX_FILE_BYTES: Final = 500 * 2**20
 MAX_ROWS: Final = 5_000_000
 MAX_LASTS_S: Final = 3600.0
@@ -46,11 +52,12 @@ def read_argoverse2_sensor_log(path: Path) -> Recording:
     """The boxes of a log's folder, in the frame of its map; InputError for a log that cannot be used.
 
     Boxes of the set lie in the frame of the car that measured; its poses take
-    them to the city. Gaps of up to 0.5 s are filled, as for other recordings.
+    them to the city. That car is a track, too, also where no box is of it.
+    Gaps of up to 0.5 s are filled, as for other recordings.
     """
     folder = Path(path) if Path(path).is_dir() else Path(path).parent
     file = Path(path) if Path(path).is_file() else _only(folder, BOXES)
-    boxes = _table(file, ("timestamp_ns", "track_uuid", "category", "length_m", "width_m"))
+    boxes, notes = _with_ego(_table(file, ("timestamp_ns", "track_uuid", "category", "length_m", "width_m")))
     poses = _table(_only(folder, POSES), ("timestamp_ns",)).drop_duplicates("timestamp_ns").set_index("timestamp_ns")
     city = _city(folder)
     crs, origin_m = city_frame(city)
@@ -73,8 +80,24 @@ def read_argoverse2_sensor_log(path: Path) -> Recording:
         step_s=STEP_S,
         tracks=tuple(tracks),
         ego_id=str(ego.iloc[0]) if len(ego) else None,
-        notes=tuple(gap_notes(filled, cut)),
+        notes=(*notes, *gap_notes(filled, cut)),
     )
+
+
+def _with_ego(boxes: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
+    """The boxes with one of the car that measured, its middle where that lies in its own frame, and what was added."""
+    own = boxes["category"] == EGO_CATEGORY
+    if own.any():
+        return boxes.assign(tx_m=boxes["tx_m"].mask(own & (boxes["tx_m"] == 0.0), REAR_AXLE_TO_CENTER_M)), []
+    added = boxes.drop_duplicates("timestamp_ns").assign(
+        track_uuid=EGO_ID,
+        category=EGO_CATEGORY,
+        length_m=EGO_SIZE_M[0],
+        width_m=EGO_SIZE_M[1],
+        **dict(zip((*_TURNS, *_PLACES), (1.0, 0.0, 0.0, 0.0, REAR_AXLE_TO_CENTER_M, 0.0), strict=True)),
+    )
+    note = f"The boxes leave out the car that measured; it is the track {EGO_ID}, as its poses tell."
+    return pd.concat([boxes, added], ignore_index=True), [note]
 
 
 def _tracks(id_: str, rows: pd.DataFrame) -> Iterator[RecordedTrack]:
@@ -173,4 +196,4 @@ def _is_log(path: Path) -> bool:
     return boxes and (folder / POSES).is_file() and any(folder.glob(BOXES))
 
 
-FORMAT = RecordingFormat("a sensor log of Argoverse 2", _is_log, read_argoverse2_sensor_log)
+FORMAT = RecordingFormat("a sensor log of Argoverse 2", _is_log, read_argoverse2_sensor_log, is_folder=True)

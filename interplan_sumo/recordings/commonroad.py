@@ -303,13 +303,19 @@ def _track(
 
 
 def _motion(file: CommonRoadFile, element: Element, states: Sequence[_State], box: _Box) -> tuple[Floats, Floats]:
-    """(K, 3) poses of the box and (K, 2) velocities in the frame of the map."""
+    """(K, 3) poses of the box and (K, 2) velocities in the frame of the map.
+
+    Who stands at first, without an orientation, heads as soon after.
+    """
     xy = np.array([(state.x_m, state.y_m) for state in states])
     moved = _moved_mps(xy, np.array([state.step for state in states]) * _step_s(file))
     heading = np.zeros(len(states))
     velocity = np.zeros((len(states), 2))
-    for row, state in enumerate(states):
-        heading[row], velocity[row] = _course(state, tuple(moved[row].tolist()), float(heading[max(row - 1, 0)]))
+    courses = (_course(state, (x, y), math.nan)[0] for state, (x, y) in zip(states, moved.tolist(), strict=True))
+    last_rad = next((rad for rad in courses if not math.isnan(rad)), 0.0)
+    for row, (state, (x, y)) in enumerate(zip(states, moved.tolist(), strict=True)):
+        last_rad, velocity[row] = _course(state, (x, y), last_rad)
+        heading[row] = last_rad
     if not (np.abs(velocity) < _FASTEST_MPS).all():
         raise file.fault(element, f"it moves at more than {_FASTEST_MPS:g} m/s")
     centre = xy + np.array([_turned((box.ahead_m, box.left_m), one) for one in heading.tolist()])

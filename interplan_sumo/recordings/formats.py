@@ -35,6 +35,8 @@ class RecordingFormat:
     """
     lasts: Callable[[Path], tuple[float, str]] | None = None
     """Of files much longer than a scene: how many seconds one lasts, and the map it was recorded on."""
+    is_folder: bool = False
+    """Whether the files of a folder make up one recording."""
 
 
 RECORDING_FORMATS = Registry("interplan_sumo.recording_formats", "format of recordings", RecordingFormat)

@@ -251,7 +251,7 @@ class NuplanLog:
         for number, row in enumerate(self._database.rows_of("lidar_box", question, _BOX_KINDS, list(step_of)), start=1):
             if number > MOST_BOXES:
                 self._fault(
-                    f"lidar_box has more than {MOST_BOXES} rows in {len(steps)} sweeps; it is no log of traffic"
+                    f"lidar_box has more than {MOST_BOXES} rows in {len(steps)} sweeps; take a shorter duration"
                 )
             sweep, track, *numbers = row
             boxes.setdefault(track, []).append((step_of[sweep], *numbers))  # type: ignore[arg-type]

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +13,13 @@ import pytest
 from interplan_sumo.dataset.drives import DriveSelection
 from interplan_sumo.dataset.export import ExportRequest, export
 from interplan_sumo.dataset.reading import read_dataset
+from interplan_sumo.dataset.recorded import Window, window_frames
 from interplan_sumo.errors import InputError
 from interplan_sumo.features.schema import BY_NAME, SITUATIONS, channel_index
-from interplan_sumo.world.ego import PACIFICA
+from interplan_sumo.maps.store import find_map
+from interplan_sumo.world.ego import PACIFICA, EgoState
+from interplan_sumo.world.trace import ActorTable, EgoTrack, Trace
+from tests.maps.commonroad_files import rectangle, scenario, state, written
 from tests.recordings.nuplan_dbs import MAP, X_M, Y_M, Goes, maps_root, write_log
 
 EGO = Goes(X_M + 20.0, Y_M, 0.0, 8.0)  # its rear axle
@@ -74,6 +80,14 @@ def test_windows_of_a_long_log_do_not_share_samples(tmp_path: Path, maps: Path) 
     assert set(batch) >= set(BY_NAME)
 
 
+@pytest.mark.parametrize(("at_s", "last"), [(None, 315), (0.0, 215), (40.0, 215)])
+def test_a_recording_that_is_one_window_gives_samples_to_its_end(at_s: float | None, last: int) -> None:
+    ego = EgoTrack.of([EgoState(0.1 * frame, 0.8 * frame, 0.0, 0.0, 8.0) for frame in range(400)])
+    trace = Trace(ego, ActorTable.of([]), (), (), np.zeros(0))
+    frames = window_frames(Window(Path("drive"), "any", at_s, find_map("strip")), trace, 5)
+    assert (frames[0], frames[-1]) == (20, last)
+
+
 def test_logs_of_a_folder_are_held_out_whole_and_a_car_off_the_lanes_is_left_out(tmp_path: Path, maps: Path) -> None:
     faster = Goes(EGO.x_m, EGO.y_m, 0.0, 9.0)
     astray = Goes(X_M + 20.0, Y_M + 60.0, 0.0, 8.0)
@@ -84,6 +98,34 @@ def test_logs_of_a_folder_are_held_out_whole_and_a_car_off_the_lanes_is_left_out
     drives = read_dataset(tmp_path / "data").drives
     assert {(drive.source, drive.split) for drive in drives} == {("a.db", "train"), ("b.db", "val")}
     assert manifest.left_out == {"recorded off the lanes, or alone": 1}
+
+
+def test_logs_are_numbered_through_folders_and_files(tmp_path: Path, maps: Path) -> None:
+    (tmp_path / "logs").mkdir()
+    goes = {name: Goes(EGO.x_m, EGO.y_m, 0.0, 7.0 + k) for k, name in enumerate(("logs/a.db", "logs/b.db", "c.db"))}
+    *_, last = (write_log(tmp_path / name, ego, (LEADER,)) for name, ego in goes.items())
+    export(request(tmp_path / "data", maps, tmp_path / "logs", last, holdout_seeds=(1,)))
+    drives = read_dataset(tmp_path / "data").drives
+    assert {(drive.source, drive.seed, drive.split) for drive in drives} == {
+        ("a.db", 0, "train"), ("b.db", 1, "val"), ("c.db", 2, "train"),
+    }  # fmt: skip
+
+
+def test_a_recording_on_a_map_of_another_place_is_refused_with_the_reason(tmp_path: Path, maps: Path) -> None:
+    log = write_log(tmp_path / "drive.db", EGO, (LEADER,))
+    with closing(sqlite3.connect(log)) as tables, tables:
+        tables.execute("UPDATE ego_pose SET epsg = 32611")
+    with pytest.raises(InputError, match=r"drive.db is in EPSG:32611, map tiny-town in EPSG:32632; give the map"):
+        export(request(tmp_path / "data", maps, log))
+
+
+def test_a_recording_that_does_not_say_which_car_measured_is_refused_with_the_reason(
+    tmp_path: Path, maps: Path
+) -> None:
+    car = f'<dynamicObstacle id="7"><type>car</type>{rectangle()}{state(0, 0, 0, 0.0, 4.0, tag="initialState")}'
+    file = written(tmp_path, scenario(f"{car}</dynamicObstacle>"))
+    with pytest.raises(InputError, match="does not say which car measured"):
+        export(request(tmp_path / "data", maps / MAP / "9.1.1", file))
 
 
 def test_recordings_need_a_map_and_the_error_says_so(tmp_path: Path, maps: Path) -> None:

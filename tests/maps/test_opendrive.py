@@ -26,6 +26,7 @@ from tests.maps.opendrive_files import (
     written,
     xodr,
 )
+from tests.realdata import real
 
 
 def read(folder: Path, *parts: str, header: str = "<header/>") -> SourceMap:
@@ -80,6 +81,26 @@ def test_borders_stand_in_for_widths(tmp_path: Path) -> None:
     assert local(source.lanes["1/0/-2"].left) == [(0, -3), (100, -3)]
 
 
+def bordered(id_: int, *row: float) -> str:
+    return lane(id_, width=[], inner=cubic("border", "sOffset", (0, *row)))
+
+
+def test_borders_of_right_lanes_may_lie_to_the_left_of_the_reference_line(tmp_path: Path) -> None:
+    middle = cubic("laneOffset", "s", (0, 4.5))
+    source = read(tmp_path, road("1", section(bordered(-1, 1.0), bordered(-2, -2.5)), offsets=middle))
+    assert local(source.lanes["1/0/-1"].right) == [(0, 1), (100, 1)]
+    assert local(source.lanes["1/0/-2"].left) == [(0, 1), (100, 1)]
+    assert local(source.lanes["1/0/-2"].right) == [(0, -2.5), (100, -2.5)]
+
+
+def test_borders_that_are_written_without_a_sign_lie_on_the_side_of_their_lane(tmp_path: Path) -> None:
+    opening = bordered(-2, 3.0, 0.04)
+    source = read(tmp_path, road("1", section(bordered(1, 3.0), bordered(-1, 3.0), opening)))
+    assert local(source.lanes["1/0/-1"].right) == [(0, -3), (45, -3)]
+    assert local(source.lanes["1/0/-2:2"].right) == [(45, -4.8), (100, -7)]
+    assert local(source.lanes["1/0/1"].right)[1] == (0, 3)
+
+
 def test_a_lane_is_one_where_it_is_wide_enough_for_a_car(tmp_path: Path) -> None:
     opening = lane(-2, width=[(0, 0.0, 0.09), (40, 3.6)])
     source = read(tmp_path, road("1", section(lane(-1), opening)))
@@ -100,6 +121,14 @@ def test_sections_of_one_side_leave_the_other_as_it_is(tmp_path: Path) -> None:
     assert set(source.lanes) == {"1/0/1", "1/0/-1", "1/1/-1", "1/1/-2"}
     assert local(source.lanes["1/0/1"].left) == [(100, 0), (0, 0)]
     assert links(source) == {("1/0/-1", "1/1/-2")}
+
+
+@pytest.mark.parametrize("id_", [-1, 1])
+def test_a_road_may_have_sections_of_one_side_only(tmp_path: Path, id_: int) -> None:
+    sections = section(lane(id_, after=(id_,)), one_side=True), section(lane(id_), s=60, one_side=True)
+    source = read(tmp_path, road("1", *sections))
+    assert set(source.lanes) == {f"1/0/{id_}", f"1/1/{id_}"}
+    assert len(links(source)) == 1
 
 
 KINDS = ["shoulder", "sidewalk", "parking", "biking", "bus", "none"]
@@ -175,6 +204,65 @@ def test_the_limit_of_a_lane_overrules_and_cuts_it_where_it_begins(tmp_path: Pat
     limits = {id_: lane_.speed_limit_mps for id_, lane_ in source.lanes.items()}
     assert limits == {"1/0/-1": 20.0, "1/0/-1:2": pytest.approx(30 / 3.6)}
     assert local(source.lanes["1/0/-1:2"].left)[0] == (60, 0)
+
+
+LIMIT = 'dynamic="no" orientation="{}" value="{}" unit="{}"'
+
+
+def signed(*signs: str, sections: str = section(lane(1), lane(-1))) -> str:
+    """A road with a limit of 50 km/h and signs."""
+    return road("1", sections, inner=speed("50", "km/h") + f"<signals>{''.join(signs)}</signals>")
+
+
+def limits_kmh(source: SourceMap) -> dict[str, int]:
+    return {id_: round(3.6 * (lane_.speed_limit_mps or 0.0)) for id_, lane_ in source.lanes.items()}
+
+
+def test_a_sign_overrules_the_limit_of_the_road_from_where_it_stands_in_its_direction(tmp_path: Path) -> None:
+    source = read(tmp_path, signed(signal("a", 20, "274", LIMIT.format("+", "3.0e+01", "km/h"))))
+    assert limits_kmh(source) == {"1/0/-1": 50, "1/0/-1:2": 30, "1/0/1": 50, "1/0/1:2": 50}
+    assert local(source.lanes["1/0/-1:2"].left)[0] == (20, 0)
+    against = read(tmp_path, signed(signal("a", 20, "R2-1", LIMIT.format("-", "25", "mph"))))
+    assert limits_kmh(against) == {"1/0/-1": 50, "1/0/-1:2": 50, "1/0/1": 40, "1/0/1:2": 50}
+
+
+def test_a_sign_holds_up_to_the_next_one_or_to_the_end_of_its_limit(tmp_path: Path) -> None:
+    signs = [signal(str(s), s, "274", LIMIT.format("+", limit, "")) for s, limit in ((20, 30), (60, 70))]
+    end = signal("end", 80, "278", 'dynamic="no" orientation="none"')
+    source = read(tmp_path, signed(*signs, end, sections=section(lane(-1))))
+    assert [limits_kmh(source)[f"1/0/-1{piece}"] for piece in ("", ":2", ":3", ":4")] == [50, 30, 70, 50]
+
+
+def test_a_sign_for_one_lane_leaves_the_others_as_they_are(tmp_path: Path) -> None:
+    named = signal("a", 0, "274", LIMIT.format("+", 30, "km/h"), '<validity fromLane="-2" toLane="-2"/>')
+    assert limits_kmh(read(tmp_path, signed(named, sections=section(lane(-1), lane(-2))))) == {
+        "1/0/-1": 50, "1/0/-2": 30,
+    }  # fmt: skip
+
+
+def test_a_reference_to_a_sign_holds_where_it_stands(tmp_path: Path) -> None:
+    origin = signal("a", 0, "274", LIMIT.format("+", 30, "km/h"), '<validity fromLane="0" toLane="0"/>')
+    reference = '<signalReference id="a" s="60" t="0" orientation="+"/>'
+    source = read(tmp_path, signed(origin, reference, sections=section(lane(-1))))
+    assert limits_kmh(source) == {"1/0/-1": 50, "1/0/-1:2": 30}
+
+
+def test_what_a_file_says_that_a_sign_means_is_its_limit(tmp_path: Path) -> None:
+    said = '<semantics><speed type="maximum" value="10" unit="m/s"/></semantics>'
+    sign = signal("a", 0, "C14", 'dynamic="no" orientation="+"', said)
+    assert limits_kmh(read(tmp_path, signed(sign, sections=section(lane(-1))))) == {"1/0/-1": 36}
+
+
+@pytest.mark.parametrize("more", ['dynamic="no"', LIMIT.format("+", "-1", "km/h"), 'dynamic="yes" value="30"'])
+def test_signs_that_tell_no_limit_are_noted(tmp_path: Path, more: str) -> None:
+    source = read(tmp_path, signed(signal("a", 50, "274", more), sections=section(lane(-1))))
+    assert limits_kmh(source) == {"1/0/-1": 50}
+    assert any(note.startswith("1 signs of speed limits do not tell one") for note in source.notes)
+
+
+def test_the_limits_of_a_real_file_are_those_of_its_signs() -> None:
+    limits = limits_kmh(read_opendrive(real("opendrive", "multi_intersections.xodr")))
+    assert {id_: limit for id_, limit in limits.items() if limit} == {"242/0/-1:2": 70, "242/0/1": 50}
 
 
 # --- links -------------------------------------------------------------------------------------------
@@ -309,11 +397,45 @@ def test_signs_before_a_junction(tmp_path: Path, kind: str, sign: StopLineKind |
     assert source.lanes["1/0/-1"].sign_at_end == sign
 
 
+def test_a_stop_sign_far_from_the_end_of_its_road_is_noted(tmp_path: Path) -> None:
+    def notes(station_m: float) -> list[str]:
+        sign = signal("s", station_m, "206", 'dynamic="no" orientation="+"')
+        return [note for note in read(tmp_path, crossing(west=equipped(sign))).notes if "yield signs" in note]
+
+    assert notes(59) == ["1 stop and yield signs hold at no end of a road for cars, such as s."]
+    assert notes(61) == []
+
+
 def test_stop_lines_lie_across_the_lanes_and_take_their_kind_from_what_stands_there(tmp_path: Path) -> None:
     line = signal("l", 99, "294", 'dynamic="no" orientation="+"')
     (drawn,) = read(tmp_path, crossing(west=equipped(signal("s", 98), line))).stop_lines
     assert (drawn.kind, drawn.lane_ids) == (StopLineKind.TRAFFIC_LIGHT, ("1/0/-1",))
     assert sorted(local(drawn.points)) == [(99, -3.5), (99, 0)]
+
+
+BAND = '<object id="m" name="{}" type="roadMark" subtype="{}" s="98" t="-1.75" {} length="0.4" width="3.4"/>'
+
+
+@pytest.mark.parametrize(("name", "subtype"), [("", "signalLines"), ("Solid Stop Line", "")])
+def test_stop_lines_that_are_objects_lie_across_the_lanes_that_they_cover(
+    tmp_path: Path, name: str, subtype: str
+) -> None:
+    objects = f"<objects>{BAND.format(name, subtype, '')}</objects>"
+    (drawn,) = read(tmp_path, crossing(west=equipped(signal("s", 95, "206", 'dynamic="no"')) + objects)).stop_lines
+    assert (drawn.kind, drawn.lane_ids) == (StopLineKind.STOP_SIGN, ("1/0/-1",))
+    assert sorted(local(drawn.points)) == [(98, -3.45), (98, -0.05)]
+
+
+def test_marks_that_are_no_stop_lines_or_cover_no_lane_of_their_direction_are_none(tmp_path: Path) -> None:
+    marks = BAND.format("", "arrowLeft", ""), BAND.format("", "stopLine", 'orientation="-"')
+    assert read(tmp_path, crossing(west=f"<objects>{''.join(marks)}</objects>")).stop_lines == ()
+
+
+def test_a_stop_line_is_drawn_once_where_signal_and_object_tell_of_it(tmp_path: Path) -> None:
+    line = equipped(signal("l", 99, "294", 'dynamic="no" orientation="+"'))
+    objects = f"<objects>{BAND.format('', 'stopLine', '')}</objects>"
+    (drawn,) = read(tmp_path, crossing(west=line + objects)).stop_lines
+    assert drawn.id == "l"
 
 
 def test_crosswalks_and_parking_spaces(tmp_path: Path) -> None:

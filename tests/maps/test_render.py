@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -41,6 +42,16 @@ def test_equal_calls_write_equal_files_and_lane_ids_are_shown_where_they_are_ask
     one, two, named = ((tmp_path / f"{name}.png").read_bytes() for name in ("one", "two", "named"))
     assert one == two
     assert named != one
+
+
+def test_a_roadblock_without_lanes_is_passed_over(tmp_path: Path) -> None:
+    roads = junction()
+    links = [block for block in roads.roadblocks.values() if block.is_connector]
+    nowhere = [replace(links[0], id="way", from_id="empty"), replace(links[0], id="empty", is_connector=False)]
+    blocks = {**roads.roadblocks, **{block.id: replace(block, lane_ids=()) for block in nowhere}}
+    render_map(replace(roads, roadblocks=blocks), tmp_path / "map.png")
+    render_map(roads, tmp_path / "plain.png")
+    assert (tmp_path / "map.png").read_bytes() == (tmp_path / "plain.png").read_bytes()
 
 
 def test_a_map_without_lanes_cannot_be_drawn(tmp_path: Path) -> None:

@@ -13,6 +13,10 @@ from interplan_sumo.errors import InputError
 from interplan_sumo.realism.tracks import of_recording, open_recording, open_recordings, place_of, read_tracks
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.recording import RecordedTrack, Recording
+from tests.maps.commonroad_files import rectangle, scenario, state
+from tests.recordings.nuplan_dbs import Goes, track_id, write_log
+from tests.recordings.test_argoverse2_recording import drive
+from tests.recordings.test_argoverse2_recording import written as argoverse
 
 
 def table(**changed: object) -> pd.DataFrame:
@@ -85,6 +89,38 @@ def test_a_folder_of_plain_files_is_all_of_them(tmp_path: Path) -> None:
     for name in ("b_1.parquet", "a_1.parquet"):
         written(tmp_path, table(), name)
     assert [each.name for each in open_recordings([tmp_path])] == ["a_1", "b_1"]
+
+
+def test_a_long_log_is_read_to_its_end_in_parts(tmp_path: Path) -> None:
+    (tmp_path / "logs").mkdir()
+    ego, other = Goes(0.0, 0.0, 0.0, 1.0), Goes(30.0, 0.0, 0.0, 1.0)
+    log = write_log(tmp_path / "logs" / "drive.db", ego, (other,), frames=2 * 250 * 10 + 1)  # 250 s
+    found = open_recordings([log])
+    assert [each.name for each in found] == [f"drive from {at} s" for at in (0, 83, 167)]
+    there = [track for each in found for track in each.tracks if track.id == track_id(0)]
+    np.testing.assert_allclose([track.x_m[0] for track in there], (30.0, 30.0 + 250 / 3, 30.0 + 500 / 3), atol=0.06)
+    assert there[-1].x_m[-1] == pytest.approx(280.0, abs=0.06)
+    assert [each.name for each in open_recordings([tmp_path])] == [each.name for each in found], "a folder of one log"
+
+
+def test_a_folder_of_recordings_of_one_format_is_all_of_them(tmp_path: Path) -> None:
+    for name in ("one", "other"):
+        write_log(tmp_path / f"{name}.db", Goes(0.0, 0.0, 0.0, 5.0), frames=61)
+    assert [each.name for each in open_recordings([tmp_path])] == ["one", "other"]
+
+
+def test_a_folder_of_files_of_commonroad_is_all_of_them(tmp_path: Path) -> None:
+    car = f'<dynamicObstacle id="7"><type>car</type>{rectangle()}{state(0, 0, 0, tag="initialState")}</dynamicObstacle>'
+    for name in ("DEU_B-1_1_T-1", "DEU_A-1_1_T-1"):
+        (tmp_path / f"{name}.xml").write_text(scenario(car, name=name))
+    (tmp_path / "notes.txt").write_text("of no format")
+    assert [each.name for each in open_recordings([tmp_path])] == ["DEU_A-1_1_T-1", "DEU_B-1_1_T-1"]
+
+
+def test_a_folder_of_scenarios_of_argoverse_is_all_of_them(tmp_path: Path) -> None:
+    for name in ("b", "a"):
+        argoverse(drive("7", range(3, 9)), tmp_path, f"scenario_{name}.parquet")
+    assert [each.name for each in open_recordings([tmp_path])] == ["argoverse2-austin-a", "argoverse2-austin-b"]
 
 
 def test_things_of_an_imported_recording_are_left_out() -> None:

@@ -10,7 +10,11 @@ import pandas as pd
 import pytest
 
 from interplan_sumo.errors import InputError
-from interplan_sumo.recordings.argoverse2_sensor import read_argoverse2_sensor_log
+from interplan_sumo.recordings.argoverse2_sensor import (
+    EGO_SIZE_M,
+    REAR_AXLE_TO_CENTER_M,
+    read_argoverse2_sensor_log,
+)
 from interplan_sumo.recordings.formats import format_of
 from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.argoverse_frame import city_frame
@@ -38,7 +42,7 @@ def log(folder: Path, rows: pd.DataFrame) -> Path:
 def test_boxes_go_from_the_car_s_frame_to_the_map_s(tmp_path: Path) -> None:
     found = read_argoverse2_sensor_log(log(tmp_path, boxes()))
     crs, (east_m, north_m) = city_frame("pittsburgh")
-    (car,) = found.tracks
+    car, _ = found.tracks
     assert found.crs == crs
     assert car.kind is ActorKind.VEHICLE
     expected = [[east_m + 98.0, north_m + 10.0 + step, np.pi / 2.0] for step in range(3)]
@@ -52,8 +56,31 @@ def test_boxes_go_from_the_car_s_frame_to_the_map_s(tmp_path: Path) -> None:
      ("CONSTRUCTION_CONE", ActorKind.TRAFFIC_CONE), ("BOX_TRUCK", ActorKind.VEHICLE)],
 )  # fmt: skip
 def test_categories_become_kinds(category: str, kind: ActorKind, tmp_path: Path) -> None:
-    (only,) = read_argoverse2_sensor_log(log(tmp_path, boxes(category=category))).tracks
-    assert only.kind is kind
+    one, _ = read_argoverse2_sensor_log(log(tmp_path, boxes(category=category))).tracks
+    assert one.kind is kind
+
+
+def ego_poses(steps: int = 3) -> list[list[float]]:
+    """Middles of the car that measured, whose rear axle `log` places."""
+    _, (east_m, north_m) = city_frame("pittsburgh")
+    return [[east_m + 100.0, north_m + step + REAR_AXLE_TO_CENTER_M, np.pi / 2.0] for step in range(steps)]
+
+
+def test_the_box_of_the_car_that_measured_lies_ahead_of_its_rear_axle(tmp_path: Path) -> None:
+    own = boxes(track_uuid="me", category="EGO_VEHICLE", tx_m=0.0, ty_m=0.0)
+    found = read_argoverse2_sensor_log(log(tmp_path, pd.concat([boxes(), own], ignore_index=True)))
+    _, ego = found.tracks
+    assert (found.ego_id, ego.id, ego.length_m) == ("me", "me", 4.0)
+    assert ego.poses == pytest.approx(np.array(ego_poses()), abs=1e-6)
+
+
+def test_where_no_box_is_of_the_car_that_measured_its_poses_are_its_track(tmp_path: Path) -> None:
+    found = read_argoverse2_sensor_log(log(tmp_path, boxes()))
+    _, ego = found.tracks
+    assert (found.ego_id, ego.id, ego.kind) == ("ego", "ego", ActorKind.VEHICLE)
+    assert (ego.length_m, ego.width_m) == EGO_SIZE_M
+    assert ego.poses == pytest.approx(np.array(ego_poses()), abs=1e-6)
+    assert any("leave out the car that measured" in note for note in found.notes)
 
 
 @pytest.mark.parametrize(

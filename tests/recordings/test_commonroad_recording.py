@@ -90,6 +90,15 @@ def test_a_speed_without_a_heading_points_where_it_moves_and_one_that_stands_kee
     np.testing.assert_allclose(recording.tracks[0].velocity_mps[0], (0.0, -5.0), atol=1e-9)
 
 
+def test_who_stands_at_first_without_a_heading_has_the_one_of_the_first_metres(tmp_path: Path) -> None:
+    states = [
+        state(step, 0.0, y, None, speed) for step, (y, speed) in enumerate(((0, 0.0), (0, None), (0, 0), (-2, 9)))
+    ]
+    states.append(state(4, 0.0, -4.0, None, 9.0))
+    recording = read(tmp_path, moving(1, *states))
+    np.testing.assert_allclose(local(recording)[:, 2], -math.pi / 2)
+
+
 def test_two_components_of_velocity_give_the_heading_of_a_point_mass(tmp_path: Path) -> None:
     text = state(0, 0, 0, None, 3.0).replace("</state>", "<velocityY><exact>4.0</exact></velocityY></state>")
     recording = read(tmp_path, moving(1, text))

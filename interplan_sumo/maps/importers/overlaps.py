@@ -43,7 +43,7 @@ class SectionCells:
 
 @dataclass(frozen=True, eq=False)
 class _Cells:
-    """All cells of a map, one row per cell and lane."""
+    """All cells of a map, one row per cell and lane, section by section."""
 
     shapes: NDArray[np.object_]
     middles: NDArray[np.object_]
@@ -85,8 +85,10 @@ def section_cells(
     taken = _crowded(every, one[apart], other[apart], apart=knows)
     facing = _crowded(every, one[opposed], other[opposed], apart=False)
     found: list[SectionCells] = []
+    begin = 0
     for s, (shapes, stations) in enumerate(cut):
-        own = every.section == s
+        own = slice(begin, begin + shapes.size)
+        begin = own.stop
         mine = taken[own].reshape(shapes.shape)
         face = facing[own].reshape(shapes.shape)
         brief = np.stack([_brief(face[:, i], stations) for i in range(shapes.shape[1])], axis=1)

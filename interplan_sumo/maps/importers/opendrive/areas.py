@@ -5,15 +5,22 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+import shapely
 
 from interplan_sumo.maps.importers.opendrive.elements import Corner, XodrObject, XodrRoad
 from interplan_sumo.world.geometry import Floats
 
 _MOST_COPIES = 1000
+_STOP_MARKS = frozenset(("signallines", "stopline"))
 
 
 def is_crosswalk(thing: XodrObject) -> bool:
     return thing.kind == "crosswalk" or "crosswalk" in thing.name
+
+
+def is_stop_mark(thing: XodrObject) -> bool:
+    """Whether a mark on the road is a stop line."""
+    return thing.kind == "stopline" or thing.subtype in _STOP_MARKS or "stopline" in thing.name.replace(" ", "")
 
 
 def is_parking(thing: XodrObject) -> bool:
@@ -30,6 +37,17 @@ def outlines_of(road: XodrRoad, thing: XodrObject) -> Iterator[Floats]:
             half_m, side_m = thing.length_m / 2.0, thing.width_m / 2.0
             corners = ((-half_m, -side_m), (half_m, -side_m), (half_m, side_m), (-half_m, side_m))
             yield _placed(road, thing, tuple(("local", u, v) for u, v in corners), station_m, left_m)
+
+
+def long_axis(outline: Floats) -> Floats | None:
+    """(2, 2) the ends of the line along the middle of an outline; None if it is no area."""
+    box = shapely.MultiPoint(outline).minimum_rotated_rectangle
+    if not isinstance(box, shapely.Polygon):
+        return None
+    corners = shapely.get_coordinates(box)[:4]
+    first_m, second_m = np.hypot(*np.diff(corners[:3], axis=0).T)
+    a, b, c, d = corners if first_m < second_m else np.roll(corners, 1, axis=0)
+    return np.array([(a + b) / 2.0, (c + d) / 2.0])
 
 
 def _places(thing: XodrObject) -> Iterator[tuple[float, float]]:

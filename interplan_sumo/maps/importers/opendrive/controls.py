@@ -7,8 +7,10 @@ from dataclasses import dataclass, field
 from operator import attrgetter
 
 import numpy as np
+import shapely
 
-from interplan_sumo.maps.importers.opendrive.elements import XodrFile, XodrRoad, XodrSignal
+from interplan_sumo.maps.importers.opendrive.areas import is_stop_mark, long_axis, outlines_of
+from interplan_sumo.maps.importers.opendrive.elements import XodrFile, XodrObject, XodrRoad, XodrSignal
 from interplan_sumo.maps.importers.opendrive.links import Sides
 from interplan_sumo.maps.importers.opendrive.stretches import DrawnStretch
 from interplan_sumo.maps.importers.opendrive.travel import Network, TravelLane
@@ -22,6 +24,8 @@ _NOT_FOR_CARS = frozenset(("1000002", "1000007", "1000013"))
 _STOP_KINDS, _YIELD_KINDS, _LINE_KINDS = frozenset(("206", "r1-1")), frozenset(("205", "r1-2")), frozenset(("294",))
 _NEAR_M = 40.0
 """A light or a sign so near to the end of its road holds there; a light further away holds where it stands."""
+_ACROSS_M = 0.5
+"""A stop line that comes so near to the middle of a lane is one of that lane."""
 _BEHIND_M = 5.0
 """A light so near behind the beginning of its road holds at that beginning."""
 
@@ -39,6 +43,8 @@ class Controls:
     """Lights before or behind which the map ends: nobody passes them."""
     idle: list[str] = field(default_factory=list[str])
     """Lights that hold for no lane for cars."""
+    idle_signs: list[str] = field(default_factory=list[str])
+    """Stop and yield signs that hold at no end of a road for cars."""
 
 
 def is_light(signal: XodrSignal) -> bool:
@@ -83,23 +89,30 @@ def controls_of(file: XodrFile, known: Mapping[str, XodrSignal], sides: Sides, n
     """
     found = Controls()
     lit: set[str] = set()
+    put: set[str] = set()
     for road in file.roads.values():
         for signal in road.signals:
             origin = known.get(signal.id, signal)
             if is_light(origin):
-                lanes = list(_lanes_under(sides, network, road, signal))
+                lanes = list(lanes_under(sides, network, road, signal))
                 lit |= {signal.id} if lanes else set()
                 for lane in lanes:
                     _hang(found, network, road, lane, signal)
             elif (kind := sign_of(origin)) is not None:
-                for lane in _lanes_under(sides, network, road, signal):
-                    _put(found, network, road, lane, signal, kind)
+                for lane in lanes_under(sides, network, road, signal):
+                    put |= {signal.id} if _put(found, network, road, lane, signal, kind) else set()
             elif is_stop_line(origin):
-                _draw(found, list(_lanes_under(sides, network, road, signal)), signal)
+                _draw(found, list(lanes_under(sides, network, road, signal)), signal)
+    for road in file.roads.values():
+        for thing in road.objects:
+            if is_stop_mark(thing):
+                _draw_mark(found, sides, network, road, thing)
     for held, ways in ((found.lights_at_end, "successors"), (found.lights_at_start, "predecessors")):
         for lane in [id_ for id_ in held if not getattr(network.lanes[id_], ways)]:
             found.leading_nowhere.update(held.pop(lane))
     found.idle = [id_ for id_, signal in known.items() if is_light(signal) and id_ not in lit]
+    signs = (id_ for id_, signal in known.items() if not is_light(signal) and sign_of(signal) is not None)
+    found.idle_signs = [id_ for id_ in signs if id_ not in put]
     return found
 
 
@@ -108,20 +121,21 @@ def _is_meant(signal: XodrSignal) -> bool:
     return signal.validity != ((0, 0),)
 
 
-def _lanes_under(sides: Sides, network: Network, road: XodrRoad, signal: XodrSignal) -> Iterator[TravelLane]:
+def lanes_under(sides: Sides, network: Network, road: XodrRoad, signal: XodrSignal) -> Iterator[TravelLane]:
     """The lanes for cars for which a signal holds, where it stands.
 
     Named lanes count whatever the orientation, where it fits none of them.
     """
     if not _is_meant(signal):
         return
-    here = [stretch for stretch in _at(sides, road, signal.station_m) if _names(signal, stretch)]
+    here = [stretch for stretch in _at(sides, road, signal.station_m) if names(signal, stretch)]
     lanes = [lane for stretch in here for lane in network.of_stretch.get(stretch.id, ()) if lane.id in network.lanes]
     wanted = [lane for lane in lanes if signal.orientation not in "+-" or lane.along == (signal.orientation == "+")]
     yield from wanted or (lanes if signal.validity else ())
 
 
-def _names(signal: XodrSignal, stretch: DrawnStretch) -> bool:
+def names(signal: XodrSignal, stretch: DrawnStretch) -> bool:
+    """Whether a signal holds for a lane, as far as it names any."""
     return not signal.validity or any(low <= stretch.lane.id <= high for low, high in signal.validity)
 
 
@@ -186,8 +200,11 @@ def _before(network: Network, lane: TravelLane, station_m: float) -> TravelLane:
 
 def _put(
     found: Controls, network: Network, road: XodrRoad, lane: TravelLane, signal: XodrSignal, kind: StopLineKind
-) -> None:
-    """A sign before a junction; one on a way through it holds for those who come onto that way."""
+) -> bool:
+    """A sign before a junction; one on a way through it holds for those who come onto that way.
+
+    Whether it holds anywhere: one further from the end of its road than `_NEAR_M` does not.
+    """
     if road.junction:
         ends = [network.lanes[id_] for id_ in _first(network, lane).predecessors]
     elif _to_end_m(lane, signal.station_m) <= _NEAR_M:
@@ -196,6 +213,7 @@ def _put(
         ends = []
     for end in ends:
         found.sign_at_end[end.id] = min(kind, found.sign_at_end.get(end.id, kind))
+    return bool(ends)
 
 
 def _draw(found: Controls, lanes: list[TravelLane], signal: XodrSignal) -> None:
@@ -212,6 +230,22 @@ def _draw(found: Controls, lanes: list[TravelLane], signal: XodrSignal) -> None:
         apart = np.hypot(*(points[:, None] - points[None]).transpose(2, 0, 1))
         one, other = np.unravel_index(int(apart.argmax()), apart.shape)
         found.lines.append((signal.id, points[[one, other]], tuple(lane.id for lane in lanes)))
+
+
+def _draw_mark(found: Controls, sides: Sides, network: Network, road: XodrRoad, mark: XodrObject) -> None:
+    """A stop line that is drawn as an object, unless a signal says of its lanes already that there is one."""
+    lined = {id_ for _, _, ids in found.lines for id_ in ids}
+    under = XodrSignal(
+        mark.id, mark.station_m, mark.left_m, mark.orientation, False, "", "", mark.name, "stopLine", mark.validity
+    )
+    lanes = list(lanes_under(sides, network, road, under))
+    for outline in outlines_of(road, mark):
+        line = long_axis(outline) if np.isfinite(outline).all() else None
+        if line is not None:
+            drawn = shapely.LineString(line)
+            met = [lane for lane in lanes if drawn.distance(shapely.LineString(lane.stretch.middle)) < _ACROSS_M]
+            if met and lined.isdisjoint(lane.id for lane in met):
+                found.lines.append((mark.id, line, tuple(lane.id for lane in met)))
 
 
 def _along(line: Floats, share: float) -> Floats:

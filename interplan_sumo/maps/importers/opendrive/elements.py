@@ -37,7 +37,7 @@ class XodrLane:
     width: PiecewiseCubic | None
     """Stations from the start of the section."""
     border: PiecewiseCubic | None
-    """How far its outer edge lies from the middle, in place of a width."""
+    """How far its outer edge lies to the left of the reference line, in place of a width."""
     predecessors: tuple[int, ...]
     successors: tuple[int, ...]
     limits: tuple[tuple[float, float | None], ...]
@@ -94,6 +94,10 @@ class XodrSignal:
     validity: tuple[tuple[int, int], ...]
     """Ranges of lane ids, lowest first."""
     is_reference: bool = False
+    says_limit: bool = False
+    """Whether it begins or ends a speed limit."""
+    limit_mps: float | None = None
+    """The limit that it begins, NaN where that cannot be told; None where it ends one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,6 +127,9 @@ class XodrObject:
     width_m: float
     outlines: tuple[tuple[Corner, ...], ...]
     repeats: tuple[XodrRepeat, ...]
+    orientation: str = "none"
+    """As of a signal."""
+    validity: tuple[tuple[int, int], ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from xml.etree.ElementTree import Element
 
@@ -15,6 +16,22 @@ from interplan_sumo.maps.importers.opendrive.elements import (
 
 _WANTED = frozenset(("crosswalk", "parkingspace", "roadmark", "stopline"))
 """Kinds of objects that matter to those who drive, without regard to case."""
+_UNITS = {"m/s": 1.0, "km/h": 1.0 / 3.6, "mph": 0.44704}
+_FASTEST_MPS = 100.0
+_LIMIT_KINDS = {"274": "km/h", "r2-1": "mph"}
+"""Signs with a speed limit, and the unit of those that tell none."""
+_END_KINDS = frozenset(("278", "282"))
+_LIMIT_MEANINGS, _END_MEANINGS = frozenset(("maximum", "zone")), frozenset(("maximumEnd", "zoneEnd"))
+
+
+def speed_mps(text: str, unit: str) -> float | None:
+    """A speed limit in m/s; None for "no limit", "undefined" and what is no speed."""
+    factor = _UNITS.get(unit.strip() or "m/s")
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value * factor if factor is not None and 0.0 < value * factor < _FASTEST_MPS else None
 
 
 def signals_of(road: Element, number: Callable[..., float]) -> tuple[XodrSignal, ...]:
@@ -31,6 +48,7 @@ def signals_of(road: Element, number: Callable[..., float]) -> tuple[XodrSignal,
 
 def _signal(element: Element, number: Callable[..., float]) -> XodrSignal:
     priority = element.find("semantics/priority")
+    says_limit, limit_mps = _limit(element)
     return XodrSignal(
         id=element.get("id", "").strip(),
         station_m=number(element, "s"),
@@ -43,7 +61,26 @@ def _signal(element: Element, number: Callable[..., float]) -> XodrSignal:
         meaning="" if priority is None else priority.get("type", "").strip(),
         validity=tuple(_validity(element, number)),
         is_reference=element.tag == "signalReference",
+        says_limit=says_limit,
+        limit_mps=limit_mps,
     )
+
+
+def _limit(element: Element) -> tuple[bool, float | None]:
+    """Whether a signal begins or ends a speed limit, and the limit in m/s; NaN for one that cannot be told."""
+    kind = element.get("type", "").strip().lower()
+    speed = element.find("semantics/speed")
+    meaning = "" if speed is None else speed.get("type", "").strip()
+    if meaning in _END_MEANINGS or kind in _END_KINDS:
+        return True, None
+    if speed is None or meaning not in _LIMIT_MEANINGS:
+        speed = element
+        if kind not in _LIMIT_KINDS:
+            return False, None
+    if element.get("dynamic", "no").strip() in ("yes", "true", "1"):
+        return True, math.nan
+    limit_mps = speed_mps(speed.get("value", ""), speed.get("unit", "").strip() or _LIMIT_KINDS.get(kind, "km/h"))
+    return True, math.nan if limit_mps is None else limit_mps
 
 
 def _validity(element: Element, number: Callable[..., float]) -> Iterator[tuple[int, int]]:
@@ -57,7 +94,8 @@ def objects_of(road: Element, number: Callable[..., float]) -> tuple[XodrObject,
     found: list[XodrObject] = []
     for element in road.iterfind("objects/object"):
         kind, name = element.get("type", "").strip(), element.get("name", "").strip()
-        if kind.lower() in _WANTED or "crosswalk" in name.lower() or "stopline" in name.lower():
+        called = name.lower().replace(" ", "")
+        if kind.lower() in _WANTED or "crosswalk" in called or "stopline" in called:
             try:
                 found.append(_object(element, kind, name, number))
             except UnusableRoadError:
@@ -90,6 +128,8 @@ def _object(element: Element, kind: str, name: str, number: Callable[..., float]
             )
             for repeat in element.iterfind("repeat")
         ),
+        orientation=element.get("orientation", "").strip() or "none",
+        validity=tuple(_validity(element, number)),
     )
 
 

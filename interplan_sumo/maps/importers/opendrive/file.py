@@ -24,7 +24,7 @@ from interplan_sumo.maps.importers.opendrive.elements import (
     XodrRoad,
     XodrSection,
 )
-from interplan_sumo.maps.importers.opendrive.equipment import objects_of, signals_of
+from interplan_sumo.maps.importers.opendrive.equipment import objects_of, signals_of, speed_mps
 from interplan_sumo.world.xml_file import elements, local_name
 
 _ROOT = "OpenDRIVE"
@@ -34,8 +34,6 @@ _LONGEST_M = 100_000.0
 _SHORTEST_M = 1e-6
 _MOST_TURN_RAD = 500.0
 """80 rounds: no ramp winds more often."""
-_UNITS = {"m/s": 1.0, "km/h": 1.0 / 3.6, "mph": 0.44704}
-_FASTEST_MPS = 100.0
 _HEIGHTS = ("elevationProfile/elevation", "lateralProfile/superelevation")
 _NOWHERE = ("", "-1")
 
@@ -312,18 +310,9 @@ def _limits(
     found: dict[float, float | None] = {}
     for record in records:
         speed = speed_of(record)
-        found[number(record, station, 0.0)] = None if speed is None else _limit_mps(speed)
+        limit = None if speed is None else speed_mps(speed.get("max", ""), speed.get("unit", "m/s"))
+        found[number(record, station, 0.0)] = limit
     return tuple(sorted(found.items()))
-
-
-def _limit_mps(speed: Element) -> float | None:
-    """A speed limit in m/s; None for "no limit", "undefined" and what is no speed."""
-    factor = _UNITS.get(speed.get("unit", "m/s").strip() or "m/s")
-    try:
-        value = float(speed.get("max", ""))
-    except ValueError:
-        return None
-    return value * factor if factor is not None and 0.0 < value * factor < _FASTEST_MPS else None
 
 
 # --- junctions -------------------------------------------------------------------------------------------

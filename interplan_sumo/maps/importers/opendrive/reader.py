@@ -24,6 +24,7 @@ from interplan_sumo.maps.importers.opendrive.file import read_file
 from interplan_sumo.maps.importers.opendrive.lane_types import is_ground, is_parking_lane, is_walkway
 from interplan_sumo.maps.importers.opendrive.links import Joints, Sides, joints_of
 from interplan_sumo.maps.importers.opendrive.right_of_way import junctions_of, signals_of
+from interplan_sumo.maps.importers.opendrive.speed_signs import SignLimits, limit_cuts, sign_limits
 from interplan_sumo.maps.importers.opendrive.stretches import DrawnStretch, SideStretch, side_stretches
 from interplan_sumo.maps.importers.opendrive.travel import Network, TravelLane, network_of
 from interplan_sumo.maps.importers.source import LeftOut, SourceLane, SourceMap, SourceStopLine
@@ -55,8 +56,15 @@ def read_opendrive(path: Path) -> SourceMap:
     notes: list[str] = []
     frame = _frame(file, network, notes)
     controls = controls_of(file, known, sides, network)
+    limits = sign_limits(file, known, sides, network)
+    notes += _notes(file, joints, network, controls)
+    if limits.unknown:
+        notes.append(
+            f"{len(limits.unknown)} signs of speed limits do not tell one for all times, such as "
+            f"{limits.unknown[0]}: they are not kept."
+        )
     try:
-        return _source_map(file, frame, sides, network, controls, (*notes, *_notes(file, joints, network, controls)))
+        return _source_map(file, frame, sides, network, controls, limits, notes)
     except MapError as error:
         raise MapError(f"{path}: {error}") from None
 
@@ -69,9 +77,15 @@ def read_network(path: Path) -> Network:
 
 
 def _source_map(
-    file: XodrFile, frame: Frame, sides: Sides, network: Network, controls: Controls, notes: Sequence[str]
+    file: XodrFile,
+    frame: Frame,
+    sides: Sides,
+    network: Network,
+    controls: Controls,
+    limits: SignLimits,
+    notes: Sequence[str],
 ) -> SourceMap:
-    lanes = {lane.id: _lane(frame, lane, controls) for lane in network.lanes.values()}
+    lanes = {lane.id: _lane(frame, lane, controls, limits) for lane in network.lanes.values()}
     stretches = [s for chain in sides.values() for side in chain for s in side.lanes.values()]
     things = [(road, thing) for road in file.roads.values() for thing in road.objects]
     signals, of_signals = signals_of(file, network, controls)
@@ -100,7 +114,7 @@ def _sides(file: XodrFile, known: dict[str, XodrSignal]) -> dict[tuple[str, bool
     """Both sides of every road in stretches; what cannot be drawn is moved from the file's roads to its faults."""
     cuts: dict[str, list[float]] = {}
     for road in file.roads.values():
-        cuts.setdefault(road.id, []).extend(cuts_of(road, known))
+        cuts.setdefault(road.id, []).extend((*cuts_of(road, known), *limit_cuts(road, known)))
         for link in (road.predecessor, road.successor):
             if link is not None and link.station_m is not None:
                 cuts.setdefault(link.id, []).append(link.station_m)
@@ -116,7 +130,7 @@ def _sides(file: XodrFile, known: dict[str, XodrSignal]) -> dict[tuple[str, bool
     return sides
 
 
-def _lane(frame: Frame, lane: TravelLane, controls: Controls) -> SourceLane:
+def _lane(frame: Frame, lane: TravelLane, controls: Controls, limits: SignLimits) -> SourceLane:
     road = lane.stretch.road
     return SourceLane(
         id=lane.id,
@@ -126,7 +140,7 @@ def _lane(frame: Frame, lane: TravelLane, controls: Controls) -> SourceLane:
         predecessors=tuple(lane.predecessors),
         left_neighbour=lane.left_neighbour,
         right_neighbour=lane.right_neighbour,
-        speed_limit_mps=lane.stretch.limit_mps,
+        speed_limit_mps=limits.limit_mps.get(lane.id, lane.stretch.limit_mps),
         in_intersection=bool(road.junction) and road.length_m <= LONGEST_CROSSING_M,
         lights_at_start=tuple(controls.lights_at_start.get(lane.id, ())),
         lights_at_end=tuple(controls.lights_at_end.get(lane.id, ())),
@@ -222,6 +236,9 @@ def _notes(file: XodrFile, joints: Joints, network: Network, controls: Controls)
         yield f"The reference lines of {len(torn)} roads have gaps, such as that of road {torn[0]}."
     if controls.idle:
         yield f"{len(controls.idle)} lights hold for no lane for cars, such as {controls.idle[0]}."
+    if controls.idle_signs:
+        where = f"such as {controls.idle_signs[0]}"
+        yield f"{len(controls.idle_signs)} stop and yield signs hold at no end of a road for cars, {where}."
     if controls.leading_nowhere:
         where = f"such as {next(iter(controls.leading_nowhere))}"
         yield f"{len(controls.leading_nowhere)} lights stand where the map ends, {where}: they are not kept."

@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from interplan_sumo.maps.importers.opendrive.curves import PiecewiseCubic
 from interplan_sumo.maps.importers.opendrive.elements import UnusableRoadError, XodrLane, XodrRoad, XodrSection
 from interplan_sumo.maps.importers.opendrive.lane_types import reason_of
 from interplan_sumo.maps.importers.opendrive.loops import without_loops
@@ -84,6 +85,8 @@ def side_stretches(road: XodrRoad, cuts_m: Iterable[float], *, left: bool) -> li
     UnusableRoadError if it cannot be drawn.
     """
     sections = [s for s in road.sections if not (s.right_only if left else s.left_only)]
+    if not sections:
+        return []
     stops = [*(section.start_m for section in sections[1:]), road.length_m]
     found: list[SideStretch] = []
     for section, stop_m in zip(sections, stops, strict=True):
@@ -139,10 +142,18 @@ def _edges(road: XodrRoad, section: XodrSection, lanes: Sequence[XodrLane], stat
         if lane.width is not None:
             at = at + sign * np.maximum(lane.width.at(station_m - section.start_m, ending=True), 0.0)
         elif lane.border is not None:
-            outer = sign * np.abs(lane.border.at(station_m - section.start_m, ending=True))
+            outer = lane.border.at(station_m - section.start_m, ending=True)
+            outer = -outer if _is_unsigned(road, section, lane.border, sign) else outer
             at = np.maximum(at, outer) if sign > 0.0 else np.minimum(at, outer)
         found.append(at)
     return np.stack(found)
+
+
+def _is_unsigned(road: XodrRoad, section: XodrSection, border: PiecewiseCubic, sign: float) -> bool:
+    """Whether a border was written without its sign: as it is, it lies on the other side of the middle."""
+    at = np.concatenate((border.starts_m, border.starts_m + _WIDTH_STEP_M))
+    middle = np.zeros_like(at) if road.offset is None else road.offset.at(at + section.start_m, ending=True)
+    return bool((sign * (border.at(at, ending=True) - middle)).mean() < -CHORD_M)
 
 
 def _drawn(
