@@ -46,20 +46,21 @@ def _by_family(scores: Mapping[str, Mapping[str, float]]) -> Half:
 
 
 def both_halves(run: StoredRun) -> tuple[Half, Half]:
-    """Shipped and kept back, of who drove both, in the families that both have; the panel's from when it searched."""
-    shown = _by_family(_driven(run) | panel_scores())
+    """Shipped and kept back, of who drove both, in the families that both have; the panel's where it has not since."""
+    shown = shown_scores(run)
     hidden: Half = {}
     for row in read_table(HIDDEN, ("planner", "family", "score")):
         hidden.setdefault(row["planner"], {}).setdefault(row["family"], []).append(number_in(row["score"], HIDDEN))
     both = sorted(shown.keys() & hidden.keys())
-    common = {name: {family: shown[name][family] for family in hidden[name]} for name in both}
-    return common, {name: hidden[name] for name in both}
+    common = [family for family in names(ordinary=False) if all(family in hidden[name] for name in both)]
+    shown, hidden = ({name: {family: of[name][family] for family in common} for name in both} for of in (shown, hidden))
+    return shown, hidden
 
 
 def keep_hidden(run: StoredRun, scenes: Path) -> None:
-    """Store the scores in scenes that are not shipped, of a run and of the panel that `harden` left in a folder."""
+    """Store the scores in scenes that are not shipped: of a run, else of the panel that `harden` left in a folder."""
     families = {row.scenario_id: row.family for row in run.rows.values()}
-    scores = _driven(run) | read_scores(scenes)
+    scores = read_scores(scenes) | _driven(run)
     order = sorted(families, key=lambda scene: (families[scene], scene))
     rows = [(name, families[scene], f"{scores[name][scene]:.4f}") for name in sorted(scores) for scene in order]
     write_table(HIDDEN, ("planner", "family", "score"), rows)

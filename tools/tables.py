@@ -257,11 +257,14 @@ def hard(drives: Drives) -> list[str]:
 
 
 def halves(drives: Drives) -> list[str]:
-    """Scores in the hard scenes that are shipped, and in those that are kept back."""
+    """Scores in the hard scenes that are shipped, and in those that are kept back: these by family, too."""
     shown, hidden = both_halves(drives.run)
-    lines = ["planner | shipped | kept back", "---|---|---"]
+    titles = ("planner", "shipped", "kept back", *family_titles(drives.strict))
+    lines = [" | ".join(titles), "---|" * (len(titles) - 1) + "---"]
     kept_back = totals(hidden)
-    lines.extend(f"`{name}` | {total} | {kept_back[name]}" for name, total in totals(shown).items())
+    for name, total in totals(shown).items():
+        cells = (f"{100.0 * float(np.mean(scores)):.0f}" for scores in hidden[name].values())
+        lines.append(" | ".join((f"`{name}`", total, kept_back[name], *cells)))
     return lines
 
 
