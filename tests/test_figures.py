@@ -42,10 +42,16 @@ def test_a_figure_in_prose_is_what_its_comment_asks_for(source: str, figure: str
         assert with_figures(right.replace(f"{figure}<", f"{typed}<", 1), tables) == right
 
 
+def test_a_hyphen_before_a_figure_is_no_sign() -> None:
+    right = "40-17<!-- rare[idm, interPlan] -->, x -2<!-- rare[pdm?model=a, interPlan] -->"
+    assert with_figures(right.replace("17", "3").replace(" -2", " 5"), tables) == right
+
+
 @pytest.mark.parametrize(("source", "why"), [
     ("rare[foresite, interPlan]", r"1<!-- .* -->: 0 rows are 'foresite', of \['idm', "),
     ("rare[twice, km]", "2 rows are 'twice'"),
     ("rare[idm, paper]", r"no column 'paper' in \['planner', 'interPlan', 'km'\]"),
+    ("near[idm, km]", "near is a sentence"),
     ("hard[idm, km]", "no table 'hard'"), ("rare[the oracle, km]", "no number for"), ("near[tau]", "no number for"),
     ("rare[idm/foresight, km]", "several rows; write least or most before them"),
     ("mean rare[idm, km]", r"is no cell; write TABLE\[ROW, COLUMN\]"), ("rare[idm, km] - 3[]", "is no cell"),

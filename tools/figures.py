@@ -19,7 +19,9 @@ from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple, TypeAlias
 
 _NUMBER: Final = re.compile(r"-?\d+(?:,\d{3})*(?:\.\d+)?")
-FIGURE: Final = re.compile(rf"{_NUMBER.pattern}<!-- (?P<source>[^>]*\[[^>]*\]) -->")
+FIGURE: Final = re.compile(
+    rf"(?:(?<!\w){_NUMBER.pattern}|{_NUMBER.pattern.removeprefix('-?')})<!-- (?P<source>[^>]*\[[^>]*\]) -->"
+)
 _TERM: Final = re.compile(r"(?:(?P<of>least|most) )?(?P<table>[a-z_]+)\[(?P<row>[^],]+)(?:, (?P<column>[^]]+))?\]")
 _NAME: Final = re.compile(r"`([^`]*)`")
 
@@ -67,6 +69,8 @@ def _term(source: str, tables: Tables) -> Figure:
     lines = tables(asked["table"])
     if asked["column"] is None:
         return _number(" ".join(lines).partition(asked["row"])[2], source)
+    if len(lines) == 1:
+        raise LookupError(f"{asked['table']} is a sentence; write the words before the number in brackets")
     titles, _, *rows = (_cells(line) for line in lines)
     if asked["column"] not in titles:
         raise LookupError(f"no column {asked['column']!r} in {titles}")

@@ -71,6 +71,8 @@ MANIFEST = "manifest.json"
 OWN_SCENARIOS = "scenarios.yaml"
 TRAFFIC = "traffic"
 REDO = "redo.json"
+STAYING = ("lock", "traces")
+"""What a folder may hold that is no run folder yet."""
 """Holds a vehicle-type file; so it does beside the run folders of a sweep."""
 
 
@@ -179,7 +181,7 @@ class RunFolder:
         try:
             if kind is None:
                 self._keep_pieces()
-                (self.path / REDO).unlink(missing_ok=True)
+                self._note_what_is_left()
         finally:
             self.close()
         if kind is not None and issubclass(kind, InputError) and not self._appended:
@@ -192,9 +194,10 @@ class RunFolder:
         self._lock.release()
 
     def _take_back_files(self) -> None:
-        """Leave the folder as empty as it was."""
-        for name in (MANIFEST, RESULTS):
-            (self.path / name).unlink(missing_ok=True)
+        """Leave the folder as empty as it was: strangers were refused."""
+        for each in self.path.iterdir():
+            if each.name not in STAYING:
+                shutil.rmtree(each, ignore_errors=True) if each.is_dir() else each.unlink(missing_ok=True)
 
     def keep_scenarios(self, scenarios: Iterable[Scenario], maps: Iterable[MapFiles] = ()) -> None:
         """Keep scenarios that no suite holds and the maps that came along with them.
@@ -308,15 +311,31 @@ class RunFolder:
 
         Once: until all have driven, a note says whose are away, and the same command goes on with what is done since.
         """
-        path, note = self.path / RESULTS, self.path / REDO
-        begun = json.decode(note.read_bytes(), type=dict[str, str]) if note.is_file() else {}
-        now = {name: about.hash for name, about in wanted.planners.items() if name in self._redo}
+        path, begun = self.path / RESULTS, self._begun()
+        asked = dict.fromkeys(name for request in wanted.requests for name in request.planners if name in self._redo)
+        now = {name: wanted.planners[name].hash if name in wanted.planners else "" for name in asked}
         away = {name for name, hash in now.items() if begun.get(name) != hash}
         if any(key[1] in away for _, key, _ in read_briefs(path)):
             write_lines(path, (line for line, key, _ in read_briefs(path) if key[1] not in away))
         if away:
-            with replacing(note) as fresh:
-                fresh.write_bytes(json.encode(begun | now) + b"\n")
+            self._note(begun | now)
+
+    def _begun(self) -> dict[str, str]:
+        """The hashes of planners whose drives are being done again; none of those that exist in a process only."""
+        note = self.path / REDO
+        return json.decode(note.read_bytes(), type=dict[str, str]) if note.is_file() else {}
+
+    def _note(self, begun: Mapping[str, str]) -> None:
+        with replacing(self.path / REDO) as fresh:
+            fresh.write_bytes(json.encode(begun) + b"\n")
+
+    def _note_what_is_left(self) -> None:
+        """Strike out who has driven all that the folder asks of it."""
+        if begun := self._begun():
+            done = {key for _, key, _ in read_briefs(self.path / RESULTS)}
+            lacking = {key[1] for key in self.manifest.keys if key not in done}
+            left = {name: hash for name, hash in begun.items() if name in lacking}
+            self._note(left) if left else (self.path / REDO).unlink()
 
     def _write_manifest(self, manifest: Manifest) -> Manifest:
         path = self.path / MANIFEST
@@ -349,7 +368,7 @@ class RunFolder:
 def _refuse_strangers(path: Path) -> None:
     """RunFolderError for a folder that holds something else; nothing is written into it."""
     names = sorted(each.name for each in path.iterdir())
-    strangers = [name for name in names if name not in ("lock", "traces") and not name.startswith(PART)]
+    strangers = [name for name in names if name not in STAYING and not name.startswith(PART)]
     if strangers and MANIFEST not in names:
         raise RunFolderError(
             f"{path} holds {strangers[0]!r} and no manifest.json, so it is no run folder; "

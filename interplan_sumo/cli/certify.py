@@ -66,10 +66,11 @@ def certify(
 def keep_proofs(path: Path, found: Sequence[Proof], everyone: Sequence[Scenario], *, beside: bool) -> None:
     """Put the certificates that were found beside those of a file, in the place of former ones.
 
-    A former one of a scenario that is as it was holds, whatever a search comes to. Those of other scenarios go,
+    Where a search found none a former one stays if it holds. Those of scenarios that have changed or are no more go,
     unless they may be of another file (`beside`).
     """
     from interplan_sumo.scenario import certificates
+    from interplan_sumo.verification.certificates import check_certificate
     from interplan_sumo.world.files import replacing, writing
 
     stored = certificates.read_certificates(path) if path.is_file() else {}
@@ -77,7 +78,12 @@ def keep_proofs(path: Path, found: Sequence[Proof], everyone: Sequence[Scenario]
     if beside:
         known = {name: c.summary.scenario_hash for name, c in stored.items()} | known
     kept = {name: c for name, c in stored.items() if known.get(name) == c.summary.scenario_hash}
-    kept |= {proof.scenario.id: proof.certificate for proof in found if proof.certificate is not None}
+    for proof in found:
+        name = proof.scenario.id
+        if proof.certificate is not None:
+            kept[name] = proof.certificate
+        elif name in kept and check_certificate(proof.scenario, kept[name]):
+            del kept[name]
     with writing(path, "make its folder writable, or certify a copy of the file"), replacing(path) as fresh:
         certificates.write_certificates(fresh, kept.values())
 

@@ -287,14 +287,14 @@ def _refused(name: str, error: OSError) -> ProcessRefusedError:
 
 
 def _pipes() -> tuple[tuple[int, int, int], tuple[int, int, int]]:
-    """Our ends and the planner's: requests, replies, and what it prints. InputError without descriptors."""
+    """Our ends and the planner's: requests, replies, and what it prints. OSError without descriptors."""
     made: list[int] = []
     try:
         for _ in range(3):
             made += os.pipe()
-    except OSError as error:
+    except OSError:
         for each in made:
             os.close(each)
-        raise InputError(f"cannot make the pipes of a planner: {error.strerror}") from None
+        raise
     asked, ask, hear, told, read, printed = made
     return (ask, hear, read), (asked, told, printed)

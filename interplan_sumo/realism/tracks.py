@@ -139,8 +139,19 @@ def _parts(path: Path, kind: RecordingFormat) -> Iterator[RecordedTraffic]:
     for part in range(count):
         at_s = part * lasts_s / count
         read = kind.read(path, at=(at_s,), duration=lasts_s / count)
-        traffic = of_recording(read if isinstance(read, Recording) else read[0])
+        traffic = of_recording(_from_its_start(read if isinstance(read, Recording) else read[0]))
         yield traffic if count == 1 else replace(traffic, name=f"{traffic.name} from {at_s:.0f} s")
+
+
+def _from_its_start(recording: Recording) -> Recording:
+    """Without the past of the car that measured, which the part before has seen."""
+    cut = [(each, max(recording.start_step - each.first_step, 0)) for each in recording.tracks]
+    tracks = [
+        replace(each, first_step=each.first_step + off, poses=each.poses[off:], velocity_mps=each.velocity_mps[off:])
+        for each, off in cut
+        if off < len(each.poses)
+    ]
+    return replace(recording, tracks=tuple(tracks))
 
 
 def unbroken(id_: str, time_s: Floats) -> Iterator[tuple[str, slice]]:

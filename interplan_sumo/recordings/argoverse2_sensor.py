@@ -57,13 +57,15 @@ def read_argoverse2_sensor_log(path: Path) -> Recording:
     """
     folder = Path(path) if Path(path).is_dir() else Path(path).parent
     file = Path(path) if Path(path).is_file() else _only(folder, BOXES)
-    boxes, notes = _with_ego(_table(file, ("timestamp_ns", "track_uuid", "category", "length_m", "width_m")))
     poses = _table(_only(folder, POSES), ("timestamp_ns",)).drop_duplicates("timestamp_ns").set_index("timestamp_ns")
+    boxes = _table(file, ("timestamp_ns", "track_uuid", "category", "length_m", "width_m"))
+    lasts_s = (boxes["timestamp_ns"].max() - boxes["timestamp_ns"].min()) / 1e9
+    if lasts_s > MAX_LASTS_S:
+        raise InputError(f"{folder}: lasts {lasts_s:.0f} s, expected an hour at most")
+    boxes, notes = _with_ego(boxes, poses)
     city = _city(folder)
     crs, origin_m = city_frame(city)
     step = np.round((boxes["timestamp_ns"] - boxes["timestamp_ns"].min()).to_numpy() / 1e9 / STEP_S).astype(np.int64)
-    if step.max() * STEP_S > MAX_LASTS_S:
-        raise InputError(f"{folder}: lasts {step.max() * STEP_S:.0f} s, expected an hour at most")
     found = boxes.assign(step=step, **_in_city(folder, boxes, poses, origin_m))
     found = found.sort_values(["track_uuid", "step"], kind="stable").drop_duplicates(["track_uuid", "step"])
     filled = cut = 0
@@ -84,12 +86,22 @@ def read_argoverse2_sensor_log(path: Path) -> Recording:
     )
 
 
-def _with_ego(boxes: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
-    """The boxes with one of the car that measured, its middle where that lies in its own frame, and what was added."""
+def _with_ego(boxes: pd.DataFrame, poses: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
+    """The boxes with one of the car that measured, its middle where that lies in its own frame, and what was added.
+
+    Where there is none it is at the pose nearest to each step, from the first of the boxes to the last.
+    """
     own = boxes["category"] == EGO_CATEGORY
     if own.any():
         return boxes.assign(tx_m=boxes["tx_m"].mask(own & (boxes["tx_m"] == 0.0), REAR_AXLE_TO_CENTER_M)), []
-    added = boxes.drop_duplicates("timestamp_ns").assign(
+    first_ns, last_ns = boxes["timestamp_ns"].min(), boxes["timestamp_ns"].max()
+    times_ns = np.sort(poses.index.to_numpy(np.int64))
+    wanted_ns = np.arange(first_ns, last_ns + 1, round(STEP_S * 1e9))
+    after = np.clip(np.searchsorted(times_ns, wanted_ns), 1, max(len(times_ns) - 1, 1))
+    pairs_ns = times_ns[np.minimum(np.stack((after - 1, after)), len(times_ns) - 1)]
+    nearest_ns = np.take_along_axis(pairs_ns, np.abs(pairs_ns - wanted_ns).argmin(axis=0)[None], axis=0)[0]
+    near = np.abs(nearest_ns - wanted_ns) <= round(STEP_S * 1e9 / 2.0)
+    added = pd.DataFrame({"timestamp_ns": np.unique(nearest_ns[near])}).assign(
         track_uuid=EGO_ID,
         category=EGO_CATEGORY,
         length_m=EGO_SIZE_M[0],

@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 from interplan_sumo.batch.records import AppliedOverrides, PlannerRecord, RequestedJobs
 from interplan_sumo.batch.run_folder import RunFolder, place_folder, read_run, slug, trace_place
 from interplan_sumo.errors import InputError, RunFolderError
+from tests.batch.busy import PLAIN
 from tests.records import asked, manifest, row
 
 
@@ -130,6 +131,25 @@ def test_drives_to_be_done_again_go_on_where_they_were_stopped(version: str, tmp
         assert folder.done == set()  # all had been done: this is another time
 
 
+def test_what_others_drive_meanwhile_leaves_what_is_to_be_done_again(tmp_path: Path) -> None:
+    with opened(tmp_path / "run", **planned("one")) as folder:
+        folder.append(row("a/0", 0.25))
+    opened(tmp_path / "run", redo=("idm",), **planned("one")).__exit__(KeyboardInterrupt)
+    with opened(tmp_path / "run", asked(planners="pdm", scenarios="a/0"), **planned("one")) as folder:
+        folder.append(row("a/0", planner="pdm"))
+    with opened(tmp_path / "run", **planned("one")) as folder:
+        folder.append(row("a/0", 0.5))
+    with opened(tmp_path / "run", redo=("idm",), **planned("one")) as folder:
+        assert ("a/0", "idm", 0) in folder.done  # two of its three scenes are still to be driven
+
+
+def test_planners_that_exist_in_a_process_only_are_driven_again_too(tmp_path: Path) -> None:
+    with opened(tmp_path / "run") as folder:
+        folder.append(row("a/0", 0.25))
+    with opened(tmp_path / "run", redo=("idm",)) as folder:
+        assert folder.done == set()
+
+
 def test_another_limit_of_plans_is_refused(tmp_path: Path) -> None:
     opened(tmp_path / "run", plan_limit_s=10.0).close()
     with pytest.raises(RunFolderError, match=r"a run with --plan-limit 10, this one has 0\.5; give another folder"):
@@ -139,8 +159,9 @@ def test_another_limit_of_plans_is_refused(tmp_path: Path) -> None:
 
 
 def test_an_empty_folder_is_left_empty_by_what_cannot_be_driven(tmp_path: Path) -> None:
-    with pytest.raises(InputError), opened(tmp_path):
-        raise InputError("no such planner")
+    folder = opened(tmp_path)
+    folder.keep_scenarios([PLAIN])
+    folder.__exit__(InputError)
     assert {each.name for each in tmp_path.iterdir()} <= {"lock"}
     opened(tmp_path).close()
 

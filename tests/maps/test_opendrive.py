@@ -233,6 +233,19 @@ def test_a_sign_holds_up_to_the_next_one_or_to_the_end_of_its_limit(tmp_path: Pa
     assert [limits_kmh(source)[f"1/0/-1{piece}"] for piece in ("", ":2", ":3", ":4")] == [50, 30, 70, 50]
 
 
+def test_of_signs_at_one_place_the_lowest_limit_holds_whatever_their_order(tmp_path: Path) -> None:
+    signs = [signal(str(limit), 20, "274", LIMIT.format("+", limit, "km/h")) for limit in (30, 40)]
+    signs.append(signal("end", 20, "278", 'dynamic="no" orientation="+"'))
+    for order in (signs, signs[::-1]):
+        assert limits_kmh(read(tmp_path, signed(*order, sections=section(lane(-1)))))["1/0/-1:2"] == 30
+
+
+def test_a_sign_that_says_no_direction_holds_in_both(tmp_path: Path) -> None:
+    for orientation in ("", "none"):
+        both = signal("a", 20, "274", LIMIT.format(orientation, 30, "km/h"))
+        assert limits_kmh(read(tmp_path, signed(both))) == {"1/0/-1": 50, "1/0/-1:2": 30, "1/0/1": 30, "1/0/1:2": 50}
+
+
 def test_a_sign_for_one_lane_leaves_the_others_as_they_are(tmp_path: Path) -> None:
     named = signal("a", 0, "274", LIMIT.format("+", 30, "km/h"), '<validity fromLane="-2" toLane="-2"/>')
     assert limits_kmh(read(tmp_path, signed(named, sections=section(lane(-1), lane(-2))))) == {

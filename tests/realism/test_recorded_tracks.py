@@ -100,6 +100,8 @@ def test_a_long_log_is_read_to_its_end_in_parts(tmp_path: Path) -> None:
     there = [track for each in found for track in each.tracks if track.id == track_id(0)]
     np.testing.assert_allclose([track.x_m[0] for track in there], (30.0, 30.0 + 250 / 3, 30.0 + 500 / 3), atol=0.06)
     assert there[-1].x_m[-1] == pytest.approx(280.0, abs=0.06)
+    own = [track for each in found for track in each.tracks if track.id != track_id(0)]
+    assert sum(len(track.x_m) for track in own) == sum(len(track.x_m) for track in there)  # nobody is seen twice
     assert [each.name for each in open_recordings([tmp_path])] == [each.name for each in found], "a folder of one log"
 
 

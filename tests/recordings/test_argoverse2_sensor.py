@@ -83,6 +83,14 @@ def test_where_no_box_is_of_the_car_that_measured_its_poses_are_its_track(tmp_pa
     assert any("leave out the car that measured" in note for note in found.notes)
 
 
+def test_the_car_that_measured_is_there_while_nobody_is_seen(tmp_path: Path) -> None:
+    seen = boxes()
+    steps = seen["timestamp_ns"].rank(method="dense")
+    found = read_argoverse2_sensor_log(log(tmp_path, seen[(steps == 1) | (steps == steps.max())]))
+    ego = next(track for track in found.tracks if track.id == found.ego_id)
+    assert ego.poses == pytest.approx(np.array(ego_poses()), abs=1e-6)
+
+
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [

@@ -190,7 +190,7 @@ def _one_epoch(
         crew.agree(len(rows) / len(drawn))
         nn.utils.clip_grad_norm_(model.parameters(), CLIP_NORM)
         rule.step()
-    return total / count
+    return total / max(count, 1)
 
 
 def _parts(held: Samples) -> Iterator[Columns]:

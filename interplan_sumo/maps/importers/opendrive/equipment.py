@@ -53,7 +53,7 @@ def _signal(element: Element, number: Callable[..., float]) -> XodrSignal:
         id=element.get("id", "").strip(),
         station_m=number(element, "s"),
         left_m=number(element, "t", 0.0),
-        orientation=element.get("orientation", "none").strip(),
+        orientation=element.get("orientation", "").strip() or "none",
         is_dynamic=element.get("dynamic", "no").strip() in ("yes", "true", "1"),
         kind=element.get("type", "").strip(),
         country=element.get("country", "").strip(),

@@ -58,11 +58,15 @@ def _is_told(sign: XodrSignal) -> bool:
 
 
 def _held(lane: TravelLane, signed: Iterable[tuple[XodrSignal, bool]]) -> float | None:
-    """The limit of the last sign that one passes before the middle of a lane; None for none, or if it ended one."""
+    """The limit of the last sign that one passes before the middle of a lane; None for none, or if it ended one.
+
+    Of several at one place the lowest limit, before the end of one.
+    """
     middle_m = (lane.stretch.start_m + lane.stretch.end_m) / 2.0
     passed = [
-        (sign.station_m if along else -sign.station_m, sign.limit_mps)
+        (sign.station_m if along else -sign.station_m, -math.inf if sign.limit_mps is None else -sign.limit_mps)
         for sign, along in signed
         if along == lane.along and names(sign, lane.stretch) and (sign.station_m <= middle_m) == along
     ]
-    return max(passed, key=lambda one: one[0])[1] if passed else None
+    limit_mps = -max(passed)[1] if passed else math.inf
+    return limit_mps if limit_mps < math.inf else None
