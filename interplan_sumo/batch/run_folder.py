@@ -49,6 +49,7 @@ from interplan_sumo.batch.records import (
     encode,
     keys_of,
 )
+from interplan_sumo.batch.redo import Redo
 from interplan_sumo.batch.results import (
     LINES_AT_ONCE,
     RESULTS,
@@ -70,7 +71,6 @@ from interplan_sumo.world.files import PART, replacing
 MANIFEST = "manifest.json"
 OWN_SCENARIOS = "scenarios.yaml"
 TRAFFIC = "traffic"
-REDO = "redo.json"
 STAYING = ("lock", "traces")
 """What a folder may hold that is no run folder yet."""
 """Holds a vehicle-type file; so it does beside the run folders of a sweep."""
@@ -144,7 +144,7 @@ class RunFolder:
         in use, unwritable, foreign, or of another benchmark or planner (naming the difference).
         """
         self.path = path
-        self._redo = redo
+        self._redo = Redo(path, redo)
         self._results = -1
         self._not_in_pieces = 0
         self._appended = False
@@ -181,7 +181,7 @@ class RunFolder:
         try:
             if kind is None:
                 self._keep_pieces()
-                self._note_what_is_left()
+                self._redo.strike_out(self.manifest)
         finally:
             self.close()
         if kind is not None and issubclass(kind, InputError) and not self._appended:
@@ -301,41 +301,10 @@ class RunFolder:
         for name in changed:
             if name in with_rows and name not in self._redo:
                 _refuse_planner(self.path, name, held.planners[name], wanted.planners[name])
-        self._take_away_rows(wanted)
+        self._redo.take_away_rows(wanted)  # before the manifest says that there is another version
         new = () if set(wanted.keys) <= set(held.keys) else wanted.requests
         agreed = structs.replace(held, requests=(*held.requests, *new), planners={**held.planners, **wanted.planners})
         return held if agreed == held else self._write_manifest(agreed)
-
-    def _take_away_rows(self, wanted: Manifest) -> None:
-        """Those of planners that are to drive again; before the manifest says that there is another version.
-
-        Once: until all have driven, a note says whose are away, and the same command goes on with what is done since.
-        """
-        path, begun = self.path / RESULTS, self._begun()
-        asked = dict.fromkeys(name for request in wanted.requests for name in request.planners if name in self._redo)
-        now = {name: wanted.planners[name].hash if name in wanted.planners else "" for name in asked}
-        away = {name for name, hash in now.items() if begun.get(name) != hash}
-        if any(key[1] in away for _, key, _ in read_briefs(path)):
-            write_lines(path, (line for line, key, _ in read_briefs(path) if key[1] not in away))
-        if away:
-            self._note(begun | now)
-
-    def _begun(self) -> dict[str, str]:
-        """The hashes of planners whose drives are being done again; none of those that exist in a process only."""
-        note = self.path / REDO
-        return json.decode(note.read_bytes(), type=dict[str, str]) if note.is_file() else {}
-
-    def _note(self, begun: Mapping[str, str]) -> None:
-        with replacing(self.path / REDO) as fresh:
-            fresh.write_bytes(json.encode(begun) + b"\n")
-
-    def _note_what_is_left(self) -> None:
-        """Strike out who has driven all that the folder asks of it."""
-        if begun := self._begun():
-            done = {key for _, key, _ in read_briefs(self.path / RESULTS)}
-            lacking = {key[1] for key in self.manifest.keys if key not in done}
-            left = {name: hash for name, hash in begun.items() if name in lacking}
-            self._note(left) if left else (self.path / REDO).unlink()
 
     def _write_manifest(self, manifest: Manifest) -> Manifest:
         path = self.path / MANIFEST
