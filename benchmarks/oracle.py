@@ -86,8 +86,8 @@ def main() -> None:
     parser.add_argument("--keep", action="store_true", help="store what was found for the table in the docs")
     given = parser.parse_args()
     effort = Effort(given.every, given.hold, given.drives)
-    usual = (parser.get_default("seed"), *(parser.get_default(name) for name in ("every", "hold", "drives")))
-    if given.keep and (given.seed, given.every, given.hold, given.drives) != usual:
+    usual = all(getattr(given, name) == parser.get_default(name) for name in ("seed", "every", "hold", "drives"))
+    if given.keep and not usual:
         parser.error("--keep is for the usual seed and effort, which the table is of")
     console, rows = Console(width=120), rows_of(given.out, given.seed, effort)
     scenarios = find_suite(SUITE).scenarios

@@ -4,8 +4,8 @@ A table stands between `<!-- table: NAME -->` and `<!-- end of table -->`, and i
 give; nobody types its figures, nor those of the prose (`tools.figures`). `--take` puts the drives of a run folder
 there first, each suite in a folder of its own, in place of what the same planners drove before, and without traces
 and details that no table needs: `interplan-sumo report docs/results/interplan-1` reads them like any other run.
-`--take-hidden` keeps the scores in hard scenes that are not shipped, and nothing that tells of the scenes. `--take-
-sweep` keeps what a sweep of tracks or of drivers found, `--take-seeds` the scores of a run with several seeds,
+`--take-hidden` keeps the scores in hard scenes that are not shipped, and nothing that tells of the scenes.
+`--take-sweep` keeps what a sweep of tracks or of drivers found, `--take-seeds` the scores of a run with several seeds,
 `--take-fresh` those of runs of generated scenes, `--take-kilometres` the segments of `endure`, `--take-parts` the
 errors of networks that learned from parts of the data, by their cards.
 """

@@ -111,14 +111,15 @@ def write_bundle(
     """Write a bundle; the same contents make the same bytes. `plans` are by their places, read when they are needed."""
     files = {MANIFEST: encode(manifest) + b"\n", RESULTS: b"".join(encode(row) + b"\n" for row in rows)}
     places = sorted(plans)
-    for place in places:
-        if (size := len(plans[place])) > MOST_PLANS:
-            raise InputError(
-                f"{place} would have {size >> 20} MiB of plans, at most {MOST_PLANS >> 20} are taken of a drive; "
-                "make plans with fewer poses"
-            )
     hashes = {name: hashlib.sha256(content).hexdigest() for name, content in files.items()}
-    hashes |= {place: hashlib.sha256(plans[place]).hexdigest() for place in places}
+    for place in places:
+        content = plans[place]
+        if len(content) > MOST_PLANS:
+            raise InputError(
+                f"{place} would have {len(content) >> 20} MiB of plans, at most {MOST_PLANS >> 20} are taken of a "
+                "drive; make plans with fewer poses"
+            )
+        hashes[place] = hashlib.sha256(content).hexdigest()
     about = encode(BundleAbout(card, hashes)) + b"\n"
 
     def contents() -> Iterator[tuple[str, bytes]]:

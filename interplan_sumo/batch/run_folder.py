@@ -71,9 +71,9 @@ from interplan_sumo.world.files import PART, replacing
 MANIFEST = "manifest.json"
 OWN_SCENARIOS = "scenarios.yaml"
 TRAFFIC = "traffic"
+"""Holds a vehicle-type file; so it does beside the run folders of a sweep."""
 STAYING = ("lock", "traces")
 """What a folder may hold that is no run folder yet."""
-"""Holds a vehicle-type file; so it does beside the run folders of a sweep."""
 
 
 def slug(text: str) -> str:

@@ -95,13 +95,12 @@ def _with_ego(boxes: pd.DataFrame, poses: pd.DataFrame) -> tuple[pd.DataFrame, l
     if own.any():
         return boxes.assign(tx_m=boxes["tx_m"].mask(own & (boxes["tx_m"] == 0.0), REAR_AXLE_TO_CENTER_M)), []
     first_ns, last_ns = boxes["timestamp_ns"].min(), boxes["timestamp_ns"].max()
-    times_ns = np.sort(poses.index.to_numpy(np.int64))
-    wanted_ns = np.arange(first_ns, last_ns + 1, round(STEP_S * 1e9))
-    after = np.clip(np.searchsorted(times_ns, wanted_ns), 1, max(len(times_ns) - 1, 1))
-    pairs_ns = times_ns[np.minimum(np.stack((after - 1, after)), len(times_ns) - 1)]
-    nearest_ns = np.take_along_axis(pairs_ns, np.abs(pairs_ns - wanted_ns).argmin(axis=0)[None], axis=0)[0]
-    near = np.abs(nearest_ns - wanted_ns) <= round(STEP_S * 1e9 / 2.0)
-    added = pd.DataFrame({"timestamp_ns": np.unique(nearest_ns[near])}).assign(
+    step_ns = round(STEP_S * 1e9)
+    times_ns = poses.index.sort_values()
+    nearest = times_ns.get_indexer(
+        pd.Index(np.arange(first_ns, last_ns + 1, step_ns)), method="nearest", tolerance=step_ns // 2
+    )
+    added = pd.DataFrame({"timestamp_ns": times_ns[np.unique(nearest[nearest >= 0])]}).assign(
         track_uuid=EGO_ID,
         category=EGO_CATEGORY,
         length_m=EGO_SIZE_M[0],

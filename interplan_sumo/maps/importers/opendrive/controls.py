@@ -116,13 +116,15 @@ def controls_of(file: XodrFile, known: Mapping[str, XodrSignal], sides: Sides, n
     return found
 
 
-def _is_meant(signal: XodrSignal) -> bool:
+def _is_meant(signal: XodrSignal | XodrObject) -> bool:
     """Whether a signal names lanes at all; RoadRunner's name the middle and leave the lanes to references."""
     return signal.validity != ((0, 0),)
 
 
-def lanes_under(sides: Sides, network: Network, road: XodrRoad, signal: XodrSignal) -> Iterator[TravelLane]:
-    """The lanes for cars for which a signal holds, where it stands.
+def lanes_under(
+    sides: Sides, network: Network, road: XodrRoad, signal: XodrSignal | XodrObject
+) -> Iterator[TravelLane]:
+    """The lanes for cars for which a signal, or a mark, holds, where it stands.
 
     Named lanes count whatever the orientation, where it fits none of them.
     """
@@ -134,7 +136,7 @@ def lanes_under(sides: Sides, network: Network, road: XodrRoad, signal: XodrSign
     yield from wanted or (lanes if signal.validity else ())
 
 
-def names(signal: XodrSignal, stretch: DrawnStretch) -> bool:
+def names(signal: XodrSignal | XodrObject, stretch: DrawnStretch) -> bool:
     """Whether a signal holds for a lane, as far as it names any."""
     return not signal.validity or any(low <= stretch.lane.id <= high for low, high in signal.validity)
 
@@ -235,10 +237,7 @@ def _draw(found: Controls, lanes: list[TravelLane], signal: XodrSignal) -> None:
 def _draw_mark(found: Controls, sides: Sides, network: Network, road: XodrRoad, mark: XodrObject) -> None:
     """A stop line that is drawn as an object, unless a signal says of its lanes already that there is one."""
     lined = {id_ for _, _, ids in found.lines for id_ in ids}
-    under = XodrSignal(
-        mark.id, mark.station_m, mark.left_m, mark.orientation, False, "", "", mark.name, "stopLine", mark.validity
-    )
-    lanes = list(lanes_under(sides, network, road, under))
+    lanes = list(lanes_under(sides, network, road, mark))
     for outline in outlines_of(road, mark):
         line = long_axis(outline) if np.isfinite(outline).all() else None
         if line is not None:

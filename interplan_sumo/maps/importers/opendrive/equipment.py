@@ -48,13 +48,14 @@ def signals_of(road: Element, number: Callable[..., float]) -> tuple[XodrSignal,
 
 def _signal(element: Element, number: Callable[..., float]) -> XodrSignal:
     priority = element.find("semantics/priority")
-    says_limit, limit_mps = _limit(element)
+    is_dynamic = element.get("dynamic", "no").strip() in ("yes", "true", "1")
+    says_limit, limit_mps = _limit(element, is_dynamic=is_dynamic)
     return XodrSignal(
         id=element.get("id", "").strip(),
         station_m=number(element, "s"),
         left_m=number(element, "t", 0.0),
         orientation=element.get("orientation", "").strip() or "none",
-        is_dynamic=element.get("dynamic", "no").strip() in ("yes", "true", "1"),
+        is_dynamic=is_dynamic,
         kind=element.get("type", "").strip(),
         country=element.get("country", "").strip(),
         name=element.get("name", "").strip(),
@@ -66,7 +67,7 @@ def _signal(element: Element, number: Callable[..., float]) -> XodrSignal:
     )
 
 
-def _limit(element: Element) -> tuple[bool, float | None]:
+def _limit(element: Element, *, is_dynamic: bool) -> tuple[bool, float | None]:
     """Whether a signal begins or ends a speed limit, and the limit in m/s; NaN for one that cannot be told."""
     kind = element.get("type", "").strip().lower()
     speed = element.find("semantics/speed")
@@ -77,7 +78,7 @@ def _limit(element: Element) -> tuple[bool, float | None]:
         speed = element
         if kind not in _LIMIT_KINDS:
             return False, None
-    if element.get("dynamic", "no").strip() in ("yes", "true", "1"):
+    if is_dynamic:
         return True, math.nan
     limit_mps = speed_mps(speed.get("value", ""), speed.get("unit", "").strip() or _LIMIT_KINDS.get(kind, "km/h"))
     return True, math.nan if limit_mps is None else limit_mps
