@@ -21,7 +21,7 @@ from interplan_sumo.batch.run_folder import (
     read_run,
     trace_place,
 )
-from interplan_sumo.batch.same_benchmark import benchmark_difference
+from interplan_sumo.batch.same_benchmark import run_difference
 from interplan_sumo.batch.traffic_files import recorded_vehicle_types
 from interplan_sumo.batch.verified import keep_verified, verified_rows
 from interplan_sumo.errors import RunFolderError, clean_line
@@ -93,7 +93,7 @@ def _all_shards(runs: Sequence[StoredRun]) -> list[StoredRun]:
 
 def _is_of_another_run(this: Manifest, first: Manifest) -> str | None:
     """Why two shards are not of one run; None if they are."""
-    if (parted := benchmark_difference(first, this)) is not None:
+    if (parted := run_difference(first, this)) is not None:
         name, then, now = parted
         return f"it has {name} {now}, that has {then}"
     if this.requests != first.requests:
@@ -101,8 +101,6 @@ def _is_of_another_run(this: Manifest, first: Manifest) -> str | None:
     counts = [manifest.shard.count for manifest in (this, first) if manifest.shard is not None]
     if counts[0] != counts[1]:
         return f"it is one of {counts[0]} shards, that one of {counts[1]}"
-    if this.plan_limit_s != first.plan_limit_s:
-        return f"it has --plan-limit {this.plan_limit_s or 0:g}, that has {first.plan_limit_s or 0:g}"
     for name in {**this.planners, **first.planners}:
         mine, other = this.planners.get(name), first.planners.get(name)
         if mine is None or other is None or mine.hash != other.hash:

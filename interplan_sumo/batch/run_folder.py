@@ -59,7 +59,7 @@ from interplan_sumo.batch.results import (
     storable,
     write_lines,
 )
-from interplan_sumo.batch.same_benchmark import benchmark_difference
+from interplan_sumo.batch.same_benchmark import run_difference
 from interplan_sumo.errors import InputError, RunFolderError
 from interplan_sumo.maps.store import MapFiles, copy_map
 from interplan_sumo.metrics.profile import Profile, keep_profile
@@ -280,15 +280,10 @@ class RunFolder:
         held = _read_manifest(self.path)
         if held is None:
             return self._write_manifest(wanted)
-        if (parted := benchmark_difference(held, wanted)) is not None:
+        if (parted := run_difference(held, wanted)) is not None:
             name, then, now = parted
             raise RunFolderError(
                 f"{self.path} holds a run with {name} {then}, this one has {now}; give another folder as --out"
-            )
-        if held.plan_limit_s != wanted.plan_limit_s:
-            then, now = (f"{limit_s or 0.0:g}" for limit_s in (held.plan_limit_s, wanted.plan_limit_s))
-            raise RunFolderError(
-                f"{self.path} holds a run with --plan-limit {then}, this one has {now}; give another folder as --out"
             )
         for each in (held.shard, wanted.shard):
             if each is not None and (held.shard, held.requests) != (wanted.shard, wanted.requests):

@@ -17,12 +17,15 @@ def benchmark_of(manifest: Manifest) -> tuple[str, ...]:
     return tuple(json.encode(getattr(manifest, name)).decode() for name in BENCHMARK)
 
 
-def benchmark_difference(held: Manifest, wanted: Manifest) -> tuple[str, str, str] | None:
-    """What makes two manifests of different benchmarks: its name, and what each says; None for one benchmark."""
+def run_difference(held: Manifest, wanted: Manifest) -> tuple[str, str, str] | None:
+    """What keeps two runs' rows out of one folder: its name, and what each says; None if nothing does.
+
+    Beside the benchmark that is the time that plans may take.
+    """
     for name in BENCHMARK:
         if (found := _difference(name, *(to_builtins(getattr(each, name)) for each in (held, wanted)))) is not None:
             return found
-    return None
+    return _difference("--plan-limit", *(f"{each.plan_limit_s or 0:g}" for each in (held, wanted)))
 
 
 def _difference(name: str, held: Any, wanted: Any) -> tuple[str, str, str] | None:
