@@ -10,6 +10,7 @@ from typing import Final
 
 from interplan_sumo.batch.records import JobKey, Row
 from interplan_sumo.errors import counted
+from interplan_sumo.families import find_family
 from interplan_sumo.metrics.metric import failure_words
 from interplan_sumo.metrics.score import points_lost
 from interplan_sumo.report.failure_reasons import LEAST_LOSS
@@ -38,12 +39,17 @@ class Cost:
 
 
 def costs(line: Line) -> list[Cost]:
-    """What cost points in the drives of a planner, the most first; a fault costs all of them."""
+    """What cost points in the drives of a planner, the most first; a fault costs all of them.
+
+    Of the rare scenes, as the figure over all families is; of ordinary driving where a line has nothing else.
+    """
     found: dict[str, Cost] = {}
-    for row in line.rows:
+    rare = {each for family, ids in line.families.items() if not find_family(family).ordinary for each in ids}
+    counted_rows = [row for row in line.rows if not rare or row.scenario_id in rare]
+    for row in counted_rows:
         for reason, points in _lost(row).items():
             cost = found.setdefault(reason, Cost(reason, f"{reason} fault" if row.fault else failure_words(reason)))
-            cost.points += points / len(line.rows)
+            cost.points += points / len(counted_rows)
             cost.drives += 1
             if points > cost.worst_points:
                 cost.worst, cost.worst_points = row.key, points
@@ -53,7 +59,7 @@ def costs(line: Line) -> list[Cost]:
 def where_points_went(lines: Sequence[Line]) -> dict[str, list[float]]:
     """What each reason, in words, took of the 100 points of each line, the costliest reason first.
 
-    Means over all drives of a line. Reasons that took less than `LEAST_COLUMN` of everybody are one, the last.
+    Means over the drives of a line. Reasons that took less than `LEAST_COLUMN` of everybody are one, the last.
     """
     taken = [{cost.words: cost.points for cost in costs(line)} for line in lines]
     reasons = dict.fromkeys(words for each in taken for words in each)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from statistics import median
 
 from interplan_sumo.statistics.detection import (
@@ -15,7 +16,7 @@ from interplan_sumo.statistics.detection import (
     row_pairs,
 )
 from interplan_sumo.statistics.intervals import POINTS, MeanEstimate, mean_estimate, unpaired_difference
-from interplan_sumo.statistics.scene_values import DriveValues, mean_over_scenes
+from interplan_sumo.statistics.scene_values import DriveKey, DriveValues, mean_over_scenes
 
 LineValues = Mapping[str, DriveValues]
 """Of one line, by column, the figure of each drive, 0 to 100; nothing where the cell has no mean."""
@@ -38,10 +39,10 @@ class Standing:
     """How the lines of a table, by their numbers, stand to the best one in the column over all families."""
 
     column: str
-    figures: tuple[int, ...]
-    """Lines that have a figure there."""
+    drives: Mapping[int, int]
+    """Lines that have a figure there, and of how many drives."""
     best: int | None
-    """None where fewer than two have one."""
+    """None where fewer than two have one, or where these are not `of_one_kind`."""
     contrasts: tuple[Contrast, ...]
     detectable: Mapping[str, DetectableDifference]
     """By column, without those where no two scenes differ."""
@@ -57,14 +58,16 @@ class Standing:
     @property
     def alike(self) -> list[int]:
         """Lines that cannot be told apart from the best."""
-        others = [line for line in self.figures if line != self.best] if self.best is not None else []
-        return [line for line in others if line not in self.behind]
+        return self._beside_best(told_apart=False)
 
     @property
     def behind(self) -> list[int]:
         """Lines that can."""
-        told = [{each.pair.a, each.pair.b} for each in self.contrasts if each.told_apart]
-        return [line for line in self.figures if {line, self.best} in told]
+        return self._beside_best(told_apart=True)
+
+    def _beside_best(self, *, told_apart: bool) -> list[int]:
+        pairs = [{each.pair.a, each.pair.b} for each in self.contrasts if each.told_apart == told_apart]
+        return [line for line in self.drives if line != self.best and {line, self.best} in pairs]
 
 
 def standing(totals: Sequence[str], lines: Sequence[LineValues]) -> Standing:
@@ -76,13 +79,22 @@ def standing(totals: Sequence[str], lines: Sequence[LineValues]) -> Standing:
     spans = {key: _detectable(found, [line[key] for line in lines]) for key, found in pairs.items()}
     return Standing(
         column=column,
-        figures=figures,
-        best=max(figures, key=lambda number: mean_over_scenes(lines[number][column]) or 0.0, default=None)
-        if len(figures) > 1
+        drives={number: len(lines[number][column]) for number in figures},
+        best=max(figures, key=lambda number: mean_over_scenes(lines[number][column]) or 0.0)
+        if len(figures) > 1 and of_one_kind([frozenset(lines[number][column]) for number in figures])
         else None,
         contrasts=tuple(contrasts(pairs[column])),
         detectable={key: span for key, span in spans.items() if span is not None},
     )
+
+
+def of_one_kind(drives: Collection[frozenset[DriveKey]]) -> bool:
+    """Whether means over these may be ranked: all of the same drives, or each over some of its own.
+
+    Where some are shared and others not, who has the lower mean may be better in what is shared.
+    """
+    kinds = {*drives}
+    return all(one.isdisjoint(other) for one, other in combinations(kinds, 2))
 
 
 def _detectable(pairs: Sequence[RowPair], rows: Sequence[DriveValues]) -> DetectableDifference | None:

@@ -102,8 +102,12 @@ def _between(least: float, greatest: float) -> str:
 
 def alike_note(held: Standing, labels: Sequence[str]) -> list[str]:
     """Who cannot be told apart from the best, as a sentence; nothing where there is nobody to compare."""
-    if held.best is None:
+    if len(held.drives) < 2:
         return []
+    if held.best is None:
+        told = "; ".join(f"{labels[line]} {counted(count, 'drive')}" for line, count in [*held.drives.items()][:NAMED])
+        more = f" and {len(held.drives) - NAMED} more" if len(held.drives) > NAMED else ""
+        return [f"No best: the lines have not driven the same ({told}{more}); `compare` takes what two of them share."]
     best = labels[held.best]
     how = f"(paired bootstrap over scenarios, Holm over {len(held.contrasts)} pair{'s' * (len(held.contrasts) != 1)})"
     if not held.alike:

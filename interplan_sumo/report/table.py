@@ -184,6 +184,11 @@ class Line:
     verified: int
     """How many rows came again from their stored plans and have not changed since."""
 
+    def drives(self, column: Column) -> frozenset[DriveKey]:
+        """Those of its rows that a column is about."""
+        about = {each for family, ids in self.families.items() if column.covers(family) for each in ids}
+        return frozenset((scenario, seed) for scenario, _, seed in self.rows.keys if scenario in about)
+
 
 @dataclass(frozen=True, slots=True)
 class ResultsTable:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from msgspec import structs
 
 from interplan_sumo.report.page.document import page as report_page
 from interplan_sumo.report.replay.page import write_replay
@@ -115,6 +116,8 @@ def test_filters_narrow_the_drives_and_say_how_many_are_left(report: Page) -> No
     assert report.locator("#count").inner_text() == "2 of 320 drives"
     report.locator("[name=text]").fill("vehicle 36")
     assert report.locator(SHOWN).count() == 1
+    report.locator("[name=text]").fill("interplan-sumo replay")  # stands in every row, and is not what anybody searches
+    assert report.inner_text("#count") == "0 of 320 drives"
     report.get_by_role("button", name="Clear").click()
     wait_until(report, lambda: report.inner_text("#count") == "320 drives")
 
@@ -268,6 +271,16 @@ def test_it_says_how_to_drive_on_from_a_moment(replay: Page) -> None:
     assert said.startswith("interplan-sumo drive '<script>")
     assert said.endswith("--from RUN --planner pdm_closed --at 1.0")
     replay.get_by_role("button", name="Close").click()
+
+
+def test_a_drive_with_another_seed_is_not_said_to_be_driven_on(browser: Browser, tmp_path: Path) -> None:
+    held = tiny_drive([CRUISE_MPS] * 20)
+    write_replay([replace(held, row=structs.replace(held.row, seed=1))], tmp_path / "drive.html")
+    with opened(browser, tmp_path / "drive.html") as found, reopened(found, "html[data-ready]") as page:
+        page.click("#take-over")
+        said = page.inner_text("#take-over-box")
+        assert "Only drives with seed 0 can be driven on; this one has seed 1." in said
+        assert "interplan-sumo drive" not in said
 
 
 def test_an_address_opens_it_three_seconds_before_what_decided(replay: Page) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from interplan_sumo.report.costly import LEAST_COLUMN, OTHER, where_points_went
+from interplan_sumo.report.costly import LEAST_COLUMN, OTHER, costs, where_points_went
 from interplan_sumo.report.page.document import page
 from interplan_sumo.report.table import ResultsTable, make_table
 from interplan_sumo.report.table_formats import as_json
@@ -67,3 +67,14 @@ def test_terminal_page_and_json_tell_them() -> None:
     nothing = make_table([stored(drive("nudge/0", 1.0))])
     assert 'id="went"' not in page(nothing)
     assert "Where the points went" not in text(nothing, why=True)
+
+
+def test_ordinary_driving_beside_rare_scenes_is_not_in_what_the_rare_ones_lost() -> None:
+    rare = [drive("nudge/0", 0.0, no_collision=0.0), drive("nudge/1", 1.0)]
+    ordinary = stored(
+        drive("changing_lane/0", 0.0, drivable_area=0.0), path="runs/o", suite="common==1", suite_hash="2"
+    )
+    (line,) = make_table([stored(*rare), ordinary]).lines
+    assert [(cost.reason, cost.points) for cost in costs(line)] == [("no_collision", 50.0)]
+    (line,) = make_table([ordinary]).lines
+    assert [(cost.reason, cost.points) for cost in costs(line)] == [("drivable_area", 100.0)]

@@ -185,6 +185,16 @@ def test_a_replay_that_lies_there_is_linked_and_one_that_does_not_is_told_how_to
     assert page(make_table([again]), [again], path=tmp_path / "report.html").count(">replay</a>") == 0
 
 
+def test_how_to_make_a_replay_names_the_run_of_its_line(tmp_path: Path) -> None:
+    plain = stored(drive("nudge/0", 1.0), path="runs/plain")
+    dense = stored(drive("nudge/0", 0.0), path="runs/dense", overrides={"density": "high"})
+    runs = [plain, dense]
+    text = read(page(make_table(runs), runs, path=tmp_path / "report.html")).text
+    first, second = shown_drives(make_table(runs))
+    assert f"interplan-sumo replay runs/plain nudge/0 --planner idm --html {first.replay}" in text
+    assert f"interplan-sumo replay runs/dense nudge/0 --planner idm --html {second.replay}" in text
+
+
 def test_ordinary_driving_stands_first() -> None:
     common = stored(drive("changing_lane/0", 0.87), path="runs/o", suite="common==1", suite_hash="2")
     text = " ".join(read(page(make_table([stored(drive("nudge/0", 0.4)), common]), paper=True)).text.split())

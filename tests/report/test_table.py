@@ -126,7 +126,7 @@ def test_lines_are_told_apart_by_the_scenarios_that_they_share() -> None:
 def test_lines_with_rows_missing_stand_nowhere() -> None:
     rows = [drive(f"nudge/{n}", 0.1 * n, planner=name) for n in range(8) for name in ("idm", "b")]
     standing = make_table([stored(*rows, missing=("nudge/9",))]).standing
-    assert (standing.figures, standing.best, standing.alike, standing.behind) == ((1,), None, [], [])
+    assert (standing.drives, standing.best, standing.alike, standing.behind) == ({1: 8}, None, [], [])
 
 
 def test_official_and_overridden_rows_are_never_mixed() -> None:

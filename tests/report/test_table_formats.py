@@ -8,6 +8,7 @@ import io
 import pytest
 from rich.console import Console
 
+from interplan_sumo.report.page.figures import best_figure
 from interplan_sumo.report.paper_comparison import published_rows
 from interplan_sumo.report.table import ResultsTable, make_table
 from interplan_sumo.report.table_formats import as_csv, as_json, as_markdown, as_text
@@ -269,3 +270,19 @@ def test_csv_has_the_bounds_beside_each_figure() -> None:
 )
 def test_a_difference_of_scores_is_told_as_exactly_as_it_matters(points: float, said: str) -> None:
     assert points_text(points) == said
+
+
+def test_lines_of_different_drives_have_no_best() -> None:
+    """The few drives of b have the higher mean, and are worse where both have driven."""
+    a = stored(*(drive(f"nudge/{n}", 0.9 if n < 10 else 0.3, planner="a") for n in range(40)))
+    b = stored(*(drive(f"nudge/{n}", 0.6 + 0.01 * n, planner="b") for n in range(10)), path="runs/b")
+    found = make_table([a, b])
+    said = " ".join(text(found).split())
+    assert "No best: the lines have not driven the same (a 40 drives; b 10 drives); `compare` takes what" in said
+    assert "Best:" not in said
+    assert as_json(found)["comparison"]["best"] is None
+    (pair,) = as_json(found)["comparison"]["pairs"]
+    assert (pair["scenarios"], pair["difference"]) == (10, -25.5)
+    assert all(best_figure(found, column) is None for column in found.columns)
+    same = make_table([a, stored(*(drive(f"nudge/{n}", 0.5, planner="b") for n in range(40)), path="runs/b")])
+    assert best_figure(same, next(column for column in same.columns if column.key == "nudge")) == 50.0

@@ -9,6 +9,7 @@ from importlib.resources import files
 from pathlib import Path
 from urllib.parse import quote
 
+from interplan_sumo.batch.records import JobKey
 from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.report.costly import where_points_went
 from interplan_sumo.report.page.drives import (
@@ -22,6 +23,7 @@ from interplan_sumo.report.page.drives import (
 )
 from interplan_sumo.report.page.figures import best_figure, family_blocks, legend, scene_thumbnails, score_spread
 from interplan_sumo.report.page.html import html
+from interplan_sumo.report.page.replays import drive_folders
 from interplan_sumo.report.paper_comparison import published_figure, published_rows
 from interplan_sumo.report.table import ResultsTable
 from interplan_sumo.report.table_formats import notes, shown_columns
@@ -43,6 +45,7 @@ def page(
     drives = shown_drives(table)
     folder = replays_folder(path) if path is not None else None
     replays = {file.name for file in folder.glob("*.html")} if folder is not None else set[str]()
+    folders = drive_folders(table, runs)
     columns = shown_columns(table, paper=paper)
     part = files(__package__ or "")
     return html(
@@ -65,7 +68,7 @@ def page(
         drives=drives,
         shown=shown,
         links=_links(drives, replays, folder),
-        make={drive.anchor: _make(drive, runs, folder) for drive in drives if drive.replay not in replays},
+        make={drive.anchor: _make(drive, folders, folder) for drive in drives if drive.replay not in replays},
         make_all=_make_all(runs, folder) if drives and not replays else "",
         made=[_made(run) for run in runs] or [_driven(table)],
     )
@@ -94,13 +97,13 @@ def drive_links(drives: Sequence[ShownDrive], page: Path | None) -> dict[str, li
     return _links(drives, {file.name for file in folder.glob("*.html")} if folder is not None else set(), folder)
 
 
-def _make(drive: ShownDrive, runs: Sequence[StoredRun], folder: Path | None) -> str:
+def _make(drive: ShownDrive, folders: Mapping[tuple[int, JobKey], Path], folder: Path | None) -> str:
     """The command that makes the replay of a drive; nothing where it is not known which run it is of."""
-    run = next((run for run in runs if (drive.scenario, drive.planner, drive.seed) in run.rows), None)
+    run = folders.get((drive.line, (drive.scenario, drive.planner, drive.seed)))
     if run is None:
         return ""
     place = folder / drive.replay if folder is not None and folder.is_dir() else drive.replay
-    command = ["interplan-sumo", "replay", str(run.path), drive.scenario, "--planner", drive.planner]
+    command = ["interplan-sumo", "replay", str(run), drive.scenario, "--planner", drive.planner]
     return shlex.join([*command, *(["--seed", str(drive.seed)] if drive.seed else []), "--html", str(place)])
 
 

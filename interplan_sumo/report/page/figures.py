@@ -15,13 +15,15 @@ from interplan_sumo.families import families, find_family, named_family
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.report.page.drives import BANDS, ShownDrive, band, by_scenario, shown
 from interplan_sumo.report.page.thumbnails import thumbnail
+from interplan_sumo.report.standing import of_one_kind
 from interplan_sumo.report.table import Column, ResultsTable
 
 
 def best_figure(table: ResultsTable, column: Column) -> float | None:
-    """The highest mean as it is shown, if there are two lines or more and they differ."""
-    values = [round(value) for line in table.lines if (value := line.cells[column.key].value) is not None]
-    if len(values) < 2 or max(values) == min(values):
+    """The highest mean as it is shown, if there are two lines or more, whose drives are `of_one_kind`, and they differ."""
+    having = [line for line in table.lines if line.cells[column.key].value is not None]
+    values = [round(line.cells[column.key].value or 0.0) for line in having]
+    if len(values) < 2 or max(values) == min(values) or not of_one_kind([line.drives(column) for line in having]):
         return None
     return min(values) if column.lower_is_better else max(values)
 

@@ -7,9 +7,15 @@
   const form = document.getElementById("filters");
   const count = document.getElementById("count");
   const numeric = new Intl.Collator("en", { numeric: true });
+
+  /** What a search looks at: not the commands that make replays, in the last cell. */
+  function told(row) {
+    return Array.from(row.cells).slice(0, -1).map((cell) => cell.textContent).join(" ").toLowerCase();
+  }
+
   const families = Array.from(document.querySelectorAll(".family"), (box) => {
     const [table, every] = [box.querySelector(".drives"), box.querySelector(".every")];
-    const rows = Array.from(table.tBodies[0].rows, (row, place) => ({ row, place, text: row.textContent.toLowerCase() }));
+    const rows = Array.from(table.tBodies[0].rows, (row, place) => ({ row, place, text: told(row) }));
     return { box, every, table, rows, name: box.dataset.family };
   });
   const drives = families.reduce((sum, { rows }) => sum + rows.length, 0);

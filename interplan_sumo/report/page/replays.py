@@ -83,15 +83,11 @@ def replay_jobs(table: ResultsTable, runs: Sequence[StoredRun], page: Path, whic
     if not wanted:
         return []
     folder = replays_folder(page)
-    folders = {id(run.rows): run.path for run in runs}
-    held = {
-        (number, key): (folders[id(rows)], key)
-        for number, line in enumerate(table.lines)
-        for rows, key in line.rows.places
-    }
+    held = drive_folders(table, runs)
 
     def place(drive: ShownDrive) -> tuple[Path, JobKey]:
-        return held[drive.line, (drive.scenario, drive.planner, drive.seed)]
+        key = (drive.scenario, drive.planner, drive.seed)
+        return held[drive.line, key], key
 
     jobs = [ReplayJob((place(drive),), folder / drive.replay) for drive in wanted]
     all_drives = by_scenario(shown_drives(table))
@@ -102,6 +98,17 @@ def replay_jobs(table: ResultsTable, runs: Sequence[StoredRun], page: Path, whic
             if best.line != worst.line and best.score != worst.score:
                 jobs.append(ReplayJob((place(best), place(worst)), folder / pair_replay(all_drives[scenario])))
     return jobs
+
+
+def drive_folders(table: ResultsTable, runs: Sequence[StoredRun]) -> dict[tuple[int, JobKey], Path]:
+    """The run folder of each drive, by the number of its line; without those of runs that are not given."""
+    folders = {id(run.rows): run.path for run in runs}
+    return {
+        (number, key): folders[id(rows)]
+        for number, line in enumerate(table.lines)
+        for rows, key in line.rows.places
+        if id(rows) in folders
+    }
 
 
 def _made(jobs: Sequence[ReplayJob]) -> Iterator[str | None]:

@@ -152,7 +152,11 @@ class Player {
     const quoted = (text) => (/^[\w./:-]+$/.test(text) ? text : `'${text.replaceAll("'", "'\\''")}'`);
     const at = Math.min(this.state.frame, this.drive.plans.length - 1) * this.data.dt_s;
     const words = [quoted(this.data.scenario.id), "--from RUN", `--planner ${quoted(this.drive.planner)}`, `--at ${at.toFixed(1)}`];
-    this.parts["take-over-command"].textContent = `interplan-sumo drive ${words.join(" ")}`;
+    const can = this.drive.seed === 0;
+    this.parts["take-over-words"].textContent = can
+      ? "With the run folder in place of RUN, you are at the wheel at this moment:"
+      : `Only drives with seed 0 can be driven on; this one has seed ${this.drive.seed}.`;
+    this.parts["take-over-command"].textContent = can ? `interplan-sumo drive ${words.join(" ")}` : "";
     this.parts["take-over-box"].showModal();
   }
 
