@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from math import comb
 from statistics import median
 
 from interplan_sumo.statistics.detection import (
@@ -42,7 +43,7 @@ class Standing:
     drives: Mapping[int, int]
     """Lines that have a figure there, and of how many drives."""
     best: int | None
-    """None where fewer than two have one, or where these are not `of_one_kind`."""
+    """None where fewer than two have one, where these are not `of_one_kind`, or one has too few scenes of its own."""
     contrasts: tuple[Contrast, ...]
     detectable: Mapping[str, DetectableDifference]
     """By column, without those where no two scenes differ."""
@@ -76,13 +77,14 @@ def standing(totals: Sequence[str], lines: Sequence[LineValues]) -> Standing:
     column = max(totals, key=lambda key: len(having[key]))
     figures = having[column]
     pairs = {key: row_pairs([line[key] for line in lines]) for key in lines[0]}
+    drives = [frozenset(lines[number][column]) for number in figures]
+    compared = len(pairs[column]) == comb(len(figures), 2) or len({*drives}) == 1
+    ranked = len(figures) > 1 and compared and of_one_kind(drives)
     spans = {key: _detectable(found, [line[key] for line in lines]) for key, found in pairs.items()}
     return Standing(
         column=column,
         drives={number: len(lines[number][column]) for number in figures},
-        best=max(figures, key=lambda number: mean_over_scenes(lines[number][column]) or 0.0)
-        if len(figures) > 1 and of_one_kind([frozenset(lines[number][column]) for number in figures])
-        else None,
+        best=max(figures, key=lambda number: mean_over_scenes(lines[number][column]) or 0.0) if ranked else None,
         contrasts=tuple(contrasts(pairs[column])),
         detectable={key: span for key, span in spans.items() if span is not None},
     )

@@ -110,10 +110,10 @@ def alike_note(held: Standing, labels: Sequence[str]) -> list[str]:
         return [f"No best: the lines have not driven the same ({told}{more}); `compare` takes what two of them share."]
     best = labels[held.best]
     how = f"(paired bootstrap over scenarios, Holm over {len(held.contrasts)} pair{'s' * (len(held.contrasts) != 1)})"
-    if not held.alike:
-        return [f"Best: {best}. It can be told apart from every other line {how}."]
     if not held.contrasts:
         return [f"Most: {best}. One scenario is too few to compare lines."]
+    if not held.alike:
+        return [f"Best: {best}. It can be told apart from every other line {how}."]
     if held.too_few is not None:
         pairs = len(held.contrasts)
         few = f"{held.too_few} scenarios are too few to tell lines apart among {counted(pairs, 'pair')}"

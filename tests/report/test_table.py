@@ -119,6 +119,8 @@ def test_lines_are_told_apart_by_the_scenarios_that_they_share() -> None:
     own = [stored(*rows[:24]), stored(*(drive(f"nudge/{n + 50}", h + 0.1) for n, h in enumerate(hard)), path="runs/b")]
     standing = make_table(own).standing
     assert (standing.best, standing.behind, standing.alike) == (1, [], [0])  # scenarios of their own: 23 points wide
+    own[1] = stored(drive("nudge/50", 1.0), path="runs/b")  # a single one, of which nobody knows how much it varies
+    assert make_table(own).standing.best is None
     assert not standing.detectable["interplan"].paired
     assert standing.detectable["interplan"].least > 15.0
 

@@ -20,7 +20,7 @@ from interplan_sumo.report.table import Column, ResultsTable
 
 
 def best_figure(table: ResultsTable, column: Column) -> float | None:
-    """The highest mean as it is shown, if there are two lines or more, whose drives are `of_one_kind`, and they differ."""
+    """The highest mean as it is shown, if two lines or more differ whose drives are `of_one_kind`."""
     having = [line for line in table.lines if line.cells[column.key].value is not None]
     values = [round(line.cells[column.key].value or 0.0) for line in having]
     if len(values) < 2 or max(values) == min(values) or not of_one_kind([line.drives(column) for line in having]):
