@@ -11,6 +11,7 @@ import pytest
 from interplan_sumo.cli import main
 from interplan_sumo.cli.certify import keep_proofs
 from interplan_sumo.scenario.certificates import FILE, read_certificates, write_certificates
+from interplan_sumo.scenario.files import write_scenario
 from interplan_sumo.scenario.suite import Suite, find_scenario, find_suite
 from interplan_sumo.verification.certificates import Proof
 
@@ -62,3 +63,15 @@ def test_what_has_no_proof_fails_the_check_and_leaves_the_folder_alone(
 
     assert main([*COMMAND[:5], "nodge/0"]) == 2
     assert "nodge/0" in capsys.readouterr().err
+
+
+def test_the_certificates_of_a_released_suite_stay_as_they_are(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "lock.json").touch()
+    assert main([*COMMAND, "--panel", ""]) == 2
+    assert "the certificates of smoke==1 are released" in capsys.readouterr().err
+    write_scenario(find_scenario("nudge/0"), folder / "mine.yaml")
+    assert main(["scenarios", "certify", "--scenarios", str(folder / "mine.yaml"), "--panel", ""]) == 2
+    assert not (folder / FILE).exists()
+    assert main([*COMMAND, "--check"]) == 1

@@ -36,15 +36,22 @@ def certify(
     """Prove scenarios solvable: search a drive that passes, and store it with the suite or file as its expert.
 
     The certificate also says which planners of the panel solve the scenario; it is open if none does.
+    Those of a released suite stay as they are: they can be checked only.
     Exit code 3 if a scenario could not be certified, 1 if a stored proof does not hold.
     """
     from interplan_sumo.batch.jobs import chosen, split_files
     from interplan_sumo.planner import find_planner
     from interplan_sumo.scenario import certificates
+    from interplan_sumo.scenario.suite import DEFAULT_SUITE, LOCK
     from interplan_sumo.verification.solvers import PANEL
 
     files, globs = split_files(scenarios or ())
     everyone, path = _source(suite, files)
+    if not check and path.with_name(LOCK).is_file():
+        raise InputError(
+            f"the certificates of {''.join(files) or suite or DEFAULT_SUITE} are released ({LOCK} lies beside them); "
+            "give --check, or certify a file of your own: interplan-sumo scenarios export ID mine.yaml"
+        )
     wanted = chosen(everyone, globs)
     stored = certificates.read_certificates(path) if path.is_file() else {}
     asked = list(PANEL) if panel is None else [name.strip() for name in panel.split(",") if name.strip()]
