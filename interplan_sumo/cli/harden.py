@@ -18,6 +18,7 @@ from interplan_sumo.report.printing import print_json
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from interplan_sumo.maps.store import MapFiles
     from interplan_sumo.verification.hard_search import HardSearch
     from interplan_sumo.world.roads import Roads
 
@@ -60,14 +61,17 @@ def harden(
 
     Each scene passes the start checks and has a certificate, and a planner without privileged knowledge solves it:
     one of the panel, or one that it does not have. Exit code 3 if the budget ends before there are as many.
+    A folder with scenes of anything else, be it of another search, is left as it is.
     """
     take_one_thread()
     from interplan_sumo.batch.hard_job import hard_verdicts
     from interplan_sumo.batch.processes import Workers
     from interplan_sumo.cli.generate import secret_of
     from interplan_sumo.families import FAMILIES
+    from interplan_sumo.maps.store import find_map, maps
     from interplan_sumo.planner import find_planner
     from interplan_sumo.verification.generation import families_of
+    from interplan_sumo.verification.hard_asked import HardAsked
     from interplan_sumo.verification.hard_folder import CANDIDATES, write_hard
     from interplan_sumo.verification.hard_search import HardOptions, HardSearch, shares
     from interplan_sumo.verification.quality_diversity import check_optimiser
@@ -86,7 +90,10 @@ def harden(
         HardOptions(name, panel, share, given, difficulty, plausibility, budget)
         for name, share in shares(count, families, last_first=secret_seed is not None).items()
     ]
-    roads, maps_beside = _maps(map or [], out)
+    places = [find_map(name) for name in map or maps()]
+    asked = HardAsked.of(every, places)
+    asked.check(out)
+    roads, maps_beside = _carried(places, out)
     searches: list[HardSearch] = []
 
     def tell(search: HardSearch) -> None:
@@ -98,21 +105,21 @@ def harden(
         search.run(lambda candidates: hard_verdicts(candidates, out / CANDIDATES, who), tell)
         searches.append(search)
     kept_back = None if secret_seed is None else secret_seed.with_name(f"{secret_seed.name}.certificates.parquet")
+    asked.write(out)
     write_hard(searches, out, kept_back=kept_back)
     _print(searches, out, kept_back, as_json=as_json)
     return DONE if all(search.complete for search in searches) else INCOMPLETE
 
 
-def _maps(names: Sequence[str], out: Path) -> tuple[list[Roads], Path | None]:
+def _carried(maps: Sequence[MapFiles], out: Path) -> tuple[list[Roads], Path | None]:
     """The roads to search on, and where maps that are not shipped lie then: whole, as the scenes are driven there."""
-    from interplan_sumo.maps.store import find_map, load_roads, maps
+    from interplan_sumo.maps.store import load_roads
     from interplan_sumo.scenario.files import MAPS
     from interplan_sumo.verification.map_bundling import carry_map, own_maps_root
 
     found: list[Roads] = []
     beside: Path | None = None
-    for name in names or maps():
-        files = find_map(name)
+    for files in maps:
         if own_maps_root(files) is not None:
             roads = load_roads(files.folder)
             files = carry_map(files, roads, (), out / MAPS, overwrite=True, whole_lanes=len(roads.lanes))

@@ -7,6 +7,7 @@
 | parameters.csv | of each what was drawn for it |
 | tried/ | all scenes that the panel drove, whatever came of it, with their parameters and scores.csv of who drove |
 | rejected.csv | scenes that were not taken, with the check that they failed |
+| search.json | what was asked for: `hard_asked` |
 | candidates/ | what is known of scenes, so that the search goes on where it was stopped |
 """
 

@@ -15,12 +15,13 @@ import pytest
 from interplan_sumo.batch.hard_job import answer_path
 from interplan_sumo.errors import InputError
 from interplan_sumo.families.scene_space import SceneSpace
-from interplan_sumo.maps.store import load_roads
+from interplan_sumo.maps.store import find_map, load_roads
 from interplan_sumo.report.listings import file_entries
 from interplan_sumo.scenario import certificates
 from interplan_sumo.scenario.certificates import Certificate
 from interplan_sumo.scenario.files import read_scenarios
 from interplan_sumo.scenario.suite import expert, find_scenario
+from interplan_sumo.verification.hard_asked import HardAsked
 from interplan_sumo.verification.hard_folder import read_scores, read_tried_scores, write_hard
 from interplan_sumo.verification.hard_judging import HardCandidate, HardVerdict
 from interplan_sumo.verification.hard_search import APART, MOST_MEAN, HardOptions, HardSearch, shares
@@ -124,6 +125,30 @@ def test_a_list_says_how_hard_the_scenes_of_a_folder_are(search: HardSearch, tmp
     (tmp_path / "damaged" / "hard.csv").write_text("scenario_id,difficulty\none,much\n", encoding="utf-8")
     with pytest.raises(InputError, match=r"hard\.csv: 'much' is no number"):
         file_entries(tmp_path / "damaged")
+
+
+def test_the_scenes_of_another_search_or_of_anything_else_stay(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "scenarios.yaml").write_text("mine", encoding="utf-8")
+    given = ("--family", "overtake", "--map", "hazelwood", "--against", "idm", "--count", 1, "--out", tmp_path)
+    code, _, err = ran(capsys, "scenarios", "harden", *given)
+    assert code == 2
+    assert "scenarios.yaml exists, and no search.json beside it" in err
+    asked = HardAsked.of([OPTIONS], [find_map("hazelwood")])
+    asked.write(tmp_path)
+    asked.check(tmp_path)
+    HardAsked.of([replace(OPTIONS, most_judged=3000)], [find_map("hazelwood")]).check(tmp_path)
+    code, _, err = ran(capsys, "scenarios", "harden", *given, "--seed", 4)
+    assert code == 2
+    assert "families overtake 4, asked overtake 1; against idm " in err
+    assert "seed hard-3-, asked hard-4-" in err
+    for other in ({"seed": Seed(4, "hard-4-")}, {"least_difficulty": 0.6}, {"most_judged": 20}):
+        with pytest.raises(InputError, match="holds the scenes of another search"):
+            HardAsked.of([replace(OPTIONS, **other)], [find_map("hazelwood")]).check(tmp_path)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"maps hazelwood .*, asked strip "):
+        HardAsked.of([OPTIONS], [find_map("strip")]).check(tmp_path)
+    assert (tmp_path / "scenarios.yaml").read_text(encoding="utf-8") == "mine"
 
 
 def test_of_a_secret_seed_the_certificates_lie_elsewhere(tmp_path: Path) -> None:
