@@ -44,7 +44,7 @@ class Overrides:
         if self.perception is not None:
             scenario = replace(scenario, perception=self.perception)
         traffic = scenario.traffic
-        if traffic.density == "none" and traffic.oncoming == "none":
+        if not (scenario.has_flow or scenario.vehicles):
             return scenario
         density = self.density
 

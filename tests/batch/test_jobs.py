@@ -11,7 +11,7 @@ from interplan_sumo.batch.jobs import chosen, interleaved, jobs_for
 from interplan_sumo.batch.overrides import Overrides
 from interplan_sumo.batch.records import AppliedOverrides, keys_of
 from interplan_sumo.errors import InputError, UnknownNameError
-from interplan_sumo.scenario.scenario import Scenario, TrafficDemand
+from interplan_sumo.scenario.scenario import PlacedVehicle, Scenario, TrafficDemand
 from tests.batch.busy import PLAIN
 from tests.records import asked
 
@@ -63,6 +63,9 @@ def test_density_and_behaviour_change_only_where_there_is_moving_traffic() -> No
     assertive = Overrides(behaviour="assertive")
     assert assertive.applied(scenario("a", "low")).traffic.behaviour == "assertive"
     assert assertive.applied(scenario("a")).traffic.behaviour == "mixed"
+    placed = replace(scenario("a"), vehicles=(PlacedVehicle(PLAIN.start, 5.0),))
+    assert assertive.applied(placed).traffic == TrafficDemand(behaviour="assertive")
+    assert high.applied(placed).traffic == placed.traffic
 
 
 def test_a_vehicle_type_file_counts_by_name_and_content(tmp_path: Path) -> None:
