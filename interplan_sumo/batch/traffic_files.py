@@ -53,6 +53,12 @@ class Edit:
             raise InputError("probability of all vTypes alike changes nothing; name one: --param TYPE.probability=...")
         return cls(type_id, bare, value)
 
+    def reaches(self, element: Element) -> bool:
+        """Whether it changes a vType; one that only names another by `refId` has a probability of its own at most."""
+        if self.key == "probability":
+            return self.type_id in (element.get("id"), element.get("refId"))
+        return "id" in element.attrib and self.type_id in (None, element.get("id"))
+
 
 def changed_text(path: Path, edits: Sequence[Edit]) -> str:
     """A vehicle-type file with its types changed, as XML without the comments; the same text for the same edits.
@@ -61,13 +67,13 @@ def changed_text(path: Path, edits: Sequence[Edit]) -> str:
     """
     read_vehicle_types(path)
     root = cast(Element, parse(path).getroot())
-    types = {element.attrib["id"]: element for element in root.iter("vType")}
+    types = [element.attrib["id"] for element in root.iter("vType") if "id" in element.attrib]
     for edit in edits:
         if edit.type_id is not None and edit.type_id not in types:
             raise UnknownNameError(f"vType in {path.name}", edit.type_id, types)
         if edit.key == "probability" and any("probabilities" in each.attrib for each in root):
             raise InputError(f"{path.name} has its probabilities at the vTypeDistribution; move them to the vTypes")
-        for element in types.values() if edit.type_id is None else (types[edit.type_id],):
+        for element in filter(edit.reaches, root.iter("vType")):
             _change(element, edit)
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{tostring(root, encoding="unicode").rstrip()}\n'
 

@@ -167,6 +167,17 @@ def test_shares_that_stand_at_the_distribution_are_not_changed_in_vain(tmp_path:
         changed_text(tmp_path / "mine.xml", [Edit.of("a.probability", "0.9")])
 
 
+def test_members_that_name_a_type_follow_it_and_take_its_new_share(tmp_path: Path) -> None:
+    (tmp_path / "mine.xml").write_text(
+        '<additional><vType id="a"/><vType id="b"/><vTypeDistribution id="traffic">'
+        '<vType refId="a" probability="3"/><vType refId="b"/></vTypeDistribution></additional>'
+    )
+    edits = [Edit.of("tau", "2.5"), Edit.of("a.probability", "0.9"), Edit.of("b.probability", "0.2")]
+    write_changed(tmp_path / "mine.xml", edits, tmp_path / "changed.xml")
+    types = read_vehicle_types(tmp_path / "changed.xml")
+    assert ([each.tau_s for each in types.members], types.probabilities) == ([2.5, 2.5], (0.9, 0.2))
+
+
 def test_every_shipped_attribute_can_be_swept() -> None:
     shipped = {
         key for path in routes_root().glob("*.xml") for element in parse(path).iter("vType") for key in element.attrib
