@@ -18,7 +18,7 @@ from interplan_sumo.batch.tracks import TRACK
 from interplan_sumo.errors import InputError, UnknownNameError, VehicleTypeError
 from interplan_sumo.resources import routes_root
 from interplan_sumo.simulation.vehicle_type_reader import PARAMETERS, SWERVE
-from interplan_sumo.simulation.vehicle_type_schema import vehicle_type_schema
+from interplan_sumo.simulation.vehicle_type_schema import model_of_element, vehicle_type_schema
 from interplan_sumo.simulation.vehicle_types import read_vehicle_types
 from interplan_sumo.world.files import replacing, writing
 
@@ -80,12 +80,21 @@ def changed_text(path: Path, edits: Sequence[Edit]) -> str:
 
 def _change(element: Element, edit: Edit) -> None:
     if not edit.key.startswith("interplan."):
+        _unfold(element)
         element.set(edit.key, edit.value)
         return
     held = next((param for param in element.iter("param") if param.get("key") == edit.key), None)
     if held is None:
         held = SubElement(element, "param", {"key": edit.key})
     held.set("value", edit.value)
+
+
+def _unfold(element: Element) -> None:
+    """Have what a nested car-following element says at the vType itself, over which it would win."""
+    for nested in [each for each in element if model_of_element(each.tag) is not None]:
+        element.attrib.update(nested.attrib, carFollowModel=cast(str, model_of_element(nested.tag)))
+        element.extend(nested)
+        element.remove(nested)
 
 
 def changed_name(path: Path, changes: Mapping[str, str]) -> str:

@@ -178,6 +178,18 @@ def test_members_that_name_a_type_follow_it_and_take_its_new_share(tmp_path: Pat
     assert ([each.tau_s for each in types.members], types.probabilities) == ([2.5, 2.5], (0.9, 0.2))
 
 
+def test_an_edit_wins_over_a_nested_car_following_element(tmp_path: Path) -> None:
+    (tmp_path / "mine.xml").write_text(
+        '<additional><vType id="traffic" accel="1.5"><carFollowing-IDM tau="1.6" accel="2.0"/></vType></additional>'
+    )
+    for key, value in (("tau", "0.9"), ("carFollowModel", "Krauss")):
+        write_changed(tmp_path / "mine.xml", [Edit.of(key, value)], tmp_path / f"{key}.xml")
+    slower, other = (read_vehicle_types(tmp_path / f"{key}.xml") for key in ("tau", "carFollowModel"))
+    assert (slower.members[0].tau_s, other.members[0].tau_s) == (0.9, 1.6)
+    assert [each.elements["traffic"].model for each in (slower, other)] == ["IDM", "Krauss"]
+    assert slower.members[0].accel_mps2 == other.members[0].accel_mps2 == 2.0
+
+
 def test_every_shipped_attribute_can_be_swept() -> None:
     shipped = {
         key for path in routes_root().glob("*.xml") for element in parse(path).iter("vType") for key in element.attrib
