@@ -108,17 +108,11 @@ def open_recording(path: Path) -> tuple[RecordedTraffic, ...]:
 
 
 def _within(folder: Path) -> list[Path]:
-    """The recordings in a folder, in order; none if it is one itself."""
-    plain = [each for each in sorted(folder.glob("*.parquet")) if is_plain(each)]
-    if plain:
-        return plain
+    """The recordings in a folder, in order, and Parquet files that may be none; nothing if it is one itself."""
     name = _known_format(folder)
-    if name is None:
-        return [each for each in sorted(folder.iterdir()) if _known_format(each) is not None]
-    kind = RECORDING_FORMATS[name]
-    files = folder.rglob("*") if kind.lasts is not None else folder.glob("*")
-    found = sorted(each for each in files if each.is_file() and kind.matches(each))
-    return found if kind.lasts is not None or (len(found) > 1 and not kind.is_folder) else []
+    if name is not None and RECORDING_FORMATS[name].is_folder:
+        return []
+    return [each for each in sorted(folder.iterdir()) if each.suffix == ".parquet" or _known_format(each) is not None]
 
 
 def _known_format(path: Path) -> str | None:

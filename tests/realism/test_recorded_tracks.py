@@ -91,6 +91,20 @@ def test_a_folder_of_plain_files_is_all_of_them(tmp_path: Path) -> None:
     assert [each.name for each in open_recordings([tmp_path])] == ["a_1", "b_1"]
 
 
+def test_nothing_in_a_folder_is_dropped_for_being_damaged_or_of_another_format(tmp_path: Path) -> None:
+    written(tmp_path, table(), "a_1.parquet")
+    car = f'<dynamicObstacle id="7"><type>car</type>{rectangle()}{state(0, 0, 0, tag="initialState")}</dynamicObstacle>'
+    (tmp_path / "DEU_B-1_1_T-1.xml").write_text(scenario(car, name="DEU_B-1_1_T-1"))
+    assert [each.name for each in open_recordings([tmp_path])] == ["DEU_B-1_1_T-1", "a_1"]
+    for rows in (table().drop(columns="width_m"), pd.DataFrame()):
+        written(tmp_path, rows, "b_1.parquet")
+        with pytest.raises(InputError, match=r"b_1\.parquet"):
+            open_recordings([tmp_path])
+    (tmp_path / "b_1.parquet").write_bytes(b"cut")
+    with pytest.raises(InputError, match=r"b_1\.parquet is no recording"):
+        open_recordings([tmp_path])
+
+
 def test_a_long_log_is_read_to_its_end_in_parts(tmp_path: Path) -> None:
     (tmp_path / "logs").mkdir()
     ego, other = Goes(0.0, 0.0, 0.0, 1.0), Goes(30.0, 0.0, 0.0, 1.0)
