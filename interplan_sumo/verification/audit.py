@@ -11,6 +11,7 @@ import numpy as np
 from interplan_sumo.families import families
 from interplan_sumo.scenario.scenario import Scenario
 from interplan_sumo.verification.start_checks import start_problems
+from interplan_sumo.world.actors import ActorKind
 from interplan_sumo.world.geometry import wrap_angle
 from interplan_sumo.world.roads import Roads
 from interplan_sumo.world.trace import Trace
@@ -22,7 +23,7 @@ BASIC: Final = "basic driving"
 JUMP_M: Final = 0.5
 """An object is noisy if it moves by this much more or less than its velocity says in one step of 0.1 s,"""
 TURN_RAD: Final = 0.5
-"""or turns by this much in one step,"""
+"""or turns by this much in one step, which people on foot may,"""
 NEAR_M: Final = 50.0
 """or comes or goes within this distance of the ego."""
 
@@ -88,7 +89,8 @@ def noisy_objects(trace: Trace) -> tuple[str, ...]:
         jumps = same & (np.abs(np.diff(column) - 0.1 * mean) > JUMP_M)
         found += [f"{ids[i]} jumps at {frame[i + 1] * 0.1:.1f} s" for i in np.flatnonzero(jumps)]
     turn = np.abs(wrap_angle(np.diff(actors.heading_rad[order])))
-    found += [f"{ids[i]} spins at {frame[i + 1] * 0.1:.1f} s" for i in np.flatnonzero(same & (turn > TURN_RAD))]
+    spins = same & (turn > TURN_RAD) & (actors.kind[order][1:] != ActorKind.PEDESTRIAN)
+    found += [f"{ids[i]} spins at {frame[i + 1] * 0.1:.1f} s" for i in np.flatnonzero(spins)]
     comes, goes = np.append(True, ~same) & (frame > 0), np.append(~same, True) & (frame < len(trace.ego) - 1)
     for what, rows in (("appears", np.flatnonzero(comes)), ("vanishes", np.flatnonzero(goes))):
         ego_x, ego_y = trace.ego.x_m[frame[rows]], trace.ego.y_m[frame[rows]]

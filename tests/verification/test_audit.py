@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from worlds import cars, drive
 
@@ -11,7 +12,7 @@ from interplan_sumo.families.generate import Search
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.scenario.suite import DEFAULT_SUITE, find_suite
 from interplan_sumo.verification.audit import asks, classes, noisy_objects, unsafe_agents
-from interplan_sumo.world.actors import Actors
+from interplan_sumo.world.actors import ActorKind, Actors
 
 CLASS_OF = {"jaywalker": "jaywalkers"} | dict.fromkeys(
     ("lane_change_ltd", "lane_change_mtd", "lane_change_htd"), "lane changes"
@@ -58,6 +59,14 @@ def at(x_m: float, heading_rad: float = 0.0, speed_mps: float = 0.0) -> Actors:
 )
 def test_an_object_that_jumps_spins_or_comes_from_nowhere_is_noisy(before: Actors, after: Actors, noisy: bool) -> None:
     assert bool(noisy_objects(drive(0.0, 0.0, actors=[before, after]))) is noisy
+
+
+def test_people_on_foot_may_turn_back() -> None:
+    before, after = at(20.0, 0.0), at(20.0, np.pi)
+    assert noisy_objects(drive(0.0, 0.0, actors=[before, after]))
+    on_foot = np.array([ActorKind.PEDESTRIAN], np.int8)
+    walker = [replace(each, kind=on_foot) for each in (before, after)]
+    assert noisy_objects(drive(0.0, 0.0, actors=walker)) == ()
 
 
 def test_who_is_gone_for_some_frames_beside_the_ego_is_noisy() -> None:
