@@ -29,7 +29,7 @@ class Baseline:
 
 def is_vehicle_types(path: Path) -> bool:
     """Whether a file is one of vehicle types, by its root."""
-    return path.is_file() and root_of(path) == "additional"
+    return path.is_file() and root_of(path) in ("additional", "routes")
 
 
 def shipped_files() -> dict[str, Path]:

@@ -121,6 +121,9 @@ def test_a_vehicle_type_file_is_told_from_fcd_output_and_a_broken_one_is_refused
     tmp_path: Path, simulated: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert is_vehicle_types(vehicle_type_file("assertive"))
+    routes = tmp_path / "routes.xml"
+    routes.write_text('<routes><vType id="traffic"/></routes>')
+    assert is_vehicle_types(routes)
     assert not is_vehicle_types(simulated)
     assert not is_vehicle_types(tmp_path)
     against, broken = recorded(tmp_path, platoon("here", 10.0)), tmp_path / "drivers.xml"
