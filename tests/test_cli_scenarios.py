@@ -33,7 +33,24 @@ def test_an_exported_scenario_is_the_official_one(file: Path) -> None:
 def test_validate_finds_an_official_scenario_sound(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert ran(capsys, "scenarios", "validate", file) == (0, "1 scenario, no problems\n", "")
     code, out, _ = ran(capsys, "scenarios", "validate", file, "--json")
-    assert (code, json.loads(out)) == (0, {"ok": True, "scenarios": 1, "problems": []})
+    assert (code, json.loads(out)) == (0, {"ok": True, "scenarios": 1, "problems": [], "notes": []})
+
+
+def test_validate_notes_a_family_that_is_not_installed_and_refuses_an_exemption_from_nothing(
+    file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_scenarios([replace(find_scenario(QUIET), family="constructio")], file)
+    code, out, err = ran(capsys, "scenarios", "validate", file, "--quick")
+    assert (code, out) == (0, "1 scenario, no problems\n")
+    assert err.startswith(f"note: {file}: {QUIET}: family: none named 'constructio' is installed, so its own checks")
+    assert err.endswith("Did you mean 'construction'?\n")
+    (note,) = json.loads(ran(capsys, "scenarios", "validate", file, "--quick", "--json")[1])["notes"]
+    assert note.keys() == {"source", "id", "note"}
+    write_scenarios([replace(find_scenario(QUIET), exempt=("driving_directon", "no_collision"))], file)
+    code, _, err = ran(capsys, "scenarios", "validate", file, "--quick")
+    assert code == 2
+    what = "no metric named 'driving_directon'. Did you mean 'driving_direction'?"
+    assert err == f"error: {file}: {QUIET}: exempt: {what}\n"
 
 
 def test_validate_says_each_problem_in_a_line(file: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

@@ -95,15 +95,19 @@ def validate_scenarios(
     as_json: JsonOption = False,
 ) -> int:
     """Are scenarios sound at the start? One line for each breach of the rules; exit code 2 if there is any."""
-    from interplan_sumo.verification.start_checks import validate
+    from interplan_sumo.verification.start_checks import notes, validate
 
     found, problems = _to_validate(files or [], suite)
     for source, scenario in found:
         problems += [(source, scenario.id, text) for text in validate(scenario, with_traffic=not quick)]
+    noted = [(source, scenario.id, text) for source, scenario in found for text in notes(scenario)]
     if as_json:
         rows = [dict(zip(("source", "id", "problem"), problem, strict=True)) for problem in problems]
-        print_json({"ok": not problems, "scenarios": len(found), "problems": rows})
+        told = [dict(zip(("source", "id", "note"), note, strict=True)) for note in noted]
+        print_json({"ok": not problems, "scenarios": len(found), "problems": rows, "notes": told})
     else:
+        for note in noted:
+            print(f"note: {': '.join(note)}", file=sys.stderr)
         for problem in problems:
             print(f"error: {': '.join(part for part in problem if part)}", file=sys.stderr)
         print(f"{counted(len(found), 'scenario')}, {counted(len(problems), 'problem')}")

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from difflib import get_close_matches
 from typing import Final
 
 import numpy as np
 
-from interplan_sumo.errors import InputError, ScenarioError, TrafficError
-from interplan_sumo.families import find_family
+from interplan_sumo.errors import InputError, ScenarioError, TrafficError, UnknownNameError
+from interplan_sumo.families import FAMILIES, find_family
 from interplan_sumo.families.crossing import crossing_problems
 from interplan_sumo.families.passing import obstacle_corners
 from interplan_sumo.maps.store import load_roads
+from interplan_sumo.metrics.metric import METRICS
+from interplan_sumo.metrics.profile import row_metrics
 from interplan_sumo.scenario.constant_velocity import HOLD_S, OVERLAP_M, STEP_S, ego_boxes, ego_held
 from interplan_sumo.scenario.jaywalking import walk
 from interplan_sumo.scenario.route import goal_arc_m, route_centerline, route_lanes, start_arc_m
@@ -39,6 +42,7 @@ def start_problems(scenario: Scenario, roads: Roads, *, with_traffic: bool = Tru
     except ScenarioError as error:
         return [_without_id(scenario, error)]
     problems = [
+        *_exempt_problems(scenario),
         *_route_problems(scenario, roads),
         *_goal_problems(scenario, roads),
         *_ego_problems(scenario, roads),
@@ -67,8 +71,24 @@ def validate(scenario: Scenario, *, with_traffic: bool = True) -> list[str]:
     return start_problems(scenario, roads, with_traffic=with_traffic)
 
 
+def notes(scenario: Scenario) -> list[str]:
+    """What nobody looked at, and why: a family of another package has checks of its own."""
+    name = scenario.family
+    if name in FAMILIES:
+        return []
+    near = get_close_matches(name, FAMILIES, n=1)
+    guess = f". Did you mean {near[0]!r}?" if near else ""
+    return [f"family: none named {name!r} is installed, so its own checks were not made{guess}"]
+
+
 def _without_id(scenario: Scenario, error: InputError) -> str:
     return str(error).removeprefix(f"{scenario.id}: ")
+
+
+def _exempt_problems(scenario: Scenario) -> list[str]:
+    """What is exempt is something that drives are judged by."""
+    known = {*row_metrics(), *METRICS}
+    return [f"exempt: {UnknownNameError('metric', name, known)}" for name in scenario.exempt if name not in known]
 
 
 def _route_problems(scenario: Scenario, roads: Roads) -> list[str]:
