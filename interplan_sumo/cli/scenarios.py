@@ -56,12 +56,12 @@ def show_scenario(
     as_json: JsonOption = False,
 ) -> None:
     """One scenario: where it is, what stands in the way, what the traffic does. Of a file all, as a JSON list."""
-    from interplan_sumo.report.listings import scenario_details
+    from interplan_sumo.report.listings import file_details, scenario_details
     from interplan_sumo.scenario.files import is_scenario_file
     from interplan_sumo.scenario.suite import find_scenario
 
     is_file = is_scenario_file(what)
-    details = [scenario_details(each) for each in (_named(what) if is_file else (find_scenario(what),))]
+    details = file_details(Path(what)) if is_file else [scenario_details(find_scenario(what))]
     if as_json:
         print_json(details if is_file else details[0])
     else:

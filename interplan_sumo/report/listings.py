@@ -11,7 +11,7 @@ from interplan_sumo.errors import UnknownNameError
 from interplan_sumo.metrics.metric import plain
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
     from pathlib import Path
 
     from interplan_sumo.scenario.certificates import Summary
@@ -39,27 +39,33 @@ def file_entries(place: Path) -> list[dict[str, Any]]:
 
     ScenarioError if it cannot be read, or a scenario in it cannot be driven.
     """
-    from interplan_sumo.maps.store import load_roads
+    from interplan_sumo.verification.generation import SCENARIOS
+
+    return [entry for _, entry in _in_file(place / SCENARIOS if place.is_dir() else place)]
+
+
+def _in_file(file: Path) -> Iterator[tuple[Scenario, dict[str, Any]]]:
     from interplan_sumo.scenario import certificates
     from interplan_sumo.scenario.difficulty import read_difficulties
     from interplan_sumo.scenario.files import read_scenarios
-    from interplan_sumo.scenario.suite import overview
-    from interplan_sumo.verification.generation import SCENARIOS
 
-    file = place / SCENARIOS if place.is_dir() else place
     beside = file.parent / certificates.FILE
     held = certificates.read_summaries(beside) if beside.is_file() else {}
     hard = read_difficulties(file.parent)
-    found: list[dict[str, Any]] = []
     for scenario in read_scenarios(file):
-        entry = structs.asdict(overview(scenario, load_roads(scenario.map, scenario.maps_beside)))
-        entry = _with_difficulty(entry, hard)
+        entry = _with_difficulty(_entry(scenario), hard)
         proved = held.get(scenario.id)
         if proved is not None and proved.scenario_hash == entry["hash"]:
-            found.append(_with_certificate({**entry, "solved_by": proved.solved_by}, proved))
+            yield scenario, _with_certificate({**entry, "solved_by": proved.solved_by}, proved)
         else:
-            found.append(certified(entry))
-    return found
+            yield scenario, certified(entry)
+
+
+def _entry(scenario: Scenario) -> dict[str, Any]:
+    from interplan_sumo.maps.store import load_roads
+    from interplan_sumo.scenario.suite import overview
+
+    return structs.asdict(overview(scenario, load_roads(scenario.map, scenario.maps_beside)))
 
 
 def _with_difficulty(entry: dict[str, Any], hard: Mapping[str, float]) -> dict[str, Any]:
@@ -90,12 +96,22 @@ def in_words(entry: dict[str, Any]) -> dict[str, Any]:
 
 
 def scenario_details(scenario: Scenario) -> dict[str, Any]:
-    """One scenario with everything that is staged, and the suites that it belongs to."""
-    from interplan_sumo.maps.store import load_roads
-    from interplan_sumo.scenario.suite import overview, suites_with
+    """One scenario with everything that is staged, and the suites that it belongs to as it is."""
+    return _with_details(scenario, certified(_entry(scenario)))
 
-    entry = certified(structs.asdict(overview(scenario, load_roads(scenario.map, scenario.maps_beside))))
-    return {**entry, "suites": list(suites_with(scenario.id)), "scenario": plain(scenario.canonical())}
+
+def file_details(file: Path) -> list[dict[str, Any]]:
+    """The same of all scenarios of a file, with the certificates beside it; ScenarioError as from `file_entries`."""
+    return [_with_details(scenario, entry) for scenario, entry in _in_file(file)]
+
+
+def _with_details(scenario: Scenario, entry: dict[str, Any]) -> dict[str, Any]:
+    from interplan_sumo.scenario.suite import read_lock, suites_with
+
+    suites = [
+        key for key in suites_with(scenario.id) if read_lock(key).scenarios[scenario.id].scenario == entry["hash"]
+    ]
+    return {**entry, "suites": suites, "scenario": plain(scenario.canonical())}
 
 
 def planner_entries() -> list[dict[str, Any]]:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from interplan_sumo import planner, registry
-from interplan_sumo.report.listings import file_entries, planner_entries, scenario_details, suite_entries
+from interplan_sumo.report.listings import file_details, file_entries, planner_entries, scenario_details, suite_entries
 from interplan_sumo.scenario.certificates import FILE, Certificate, Summary, write_certificates
 from interplan_sumo.scenario.files import write_scenarios
 from interplan_sumo.scenario.suite import expert, find_scenario
@@ -36,6 +36,17 @@ def test_scenarios_of_a_file_or_folder_are_listed_with_the_certificates_beside_i
     write_scenarios((replace(proved, start_speed_mps=proved.start_speed_mps - 1.0),), tmp_path / "scenarios.yaml")
     (changed,) = file_entries(tmp_path)
     assert changed["certificate"] is None
+
+
+def test_details_of_a_file_have_the_certificate_beside_it_and_no_suite_that_has_another_scene(tmp_path: Path) -> None:
+    official = find_scenario("nudge/0")
+    edited = replace(official, start_speed_mps=official.start_speed_mps - 1.0)
+    summary = Summary(edited.id, edited.hash(), 0.95, 100.0, 100.0, True, "0", ())
+    write_certificates(tmp_path / FILE, [Certificate(summary, expert(official))])
+    write_scenarios((edited,), tmp_path / "mine.yaml")
+    (shown,) = file_details(tmp_path / "mine.yaml")
+    assert (shown["certificate"]["score"], shown["solved_by"], shown["suites"]) == (0.95, (), [])
+    assert "interplan==1" in scenario_details(official)["suites"]
 
 
 def test_a_suite_of_hard_scenes_says_how_hard_they_are_and_no_other_does() -> None:
