@@ -85,7 +85,7 @@ class UnknownNameError(InputError):
     """No thing of this name; the message suggests the nearest known one."""
 
     def __init__(self, what: str, name: str, known: Iterable[str], hint: str = "") -> None:
-        names = sorted(known)
+        names = sorted(set(known))
         near = get_close_matches(name, names, n=1)
         if near:
             guess = f" Did you mean {near[0]!r}?"

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+import interplan_sumo
 from interplan_sumo.scenario.files import read_scenario, write_scenarios
 from interplan_sumo.scenario.suite import find_scenario, find_suite
 from tests.batch.busy import BUSY
@@ -72,6 +73,26 @@ def test_validate_says_each_problem_in_a_line(file: Path, capsys: pytest.Capture
     found = json.loads(out)
     assert found["ok"] is False
     assert {"source", "id", "problem"} == found["problems"][0].keys()
+
+
+def test_a_folder_with_scenarios_is_taken_for_their_file(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file.rename(file.with_name("scenarios.yaml"))
+    folder = file.parent
+    (shown,) = json.loads(ran(capsys, "scenarios", "show", folder, "--json")[1])
+    assert shown["id"] == QUIET
+    assert ran(capsys, "scenarios", "validate", folder, "--quick")[:2] == (0, "1 scenario, no problems\n")
+    given = ("--planner", "straight_ahead", "--scenarios", folder, "--workers", 0, "--quiet", "--out", folder / "run")
+    code, _, err = ran(capsys, "run", *given)
+    assert (code, err) == (0, "")
+    assert [each.id for each in interplan_sumo.scenarios(folder)] == [QUIET]
+    assert interplan_sumo.load_scenario(folder).id == QUIET
+
+
+def test_known_scenarios_are_each_named_once(capsys: pytest.CaptureFixture[str]) -> None:
+    code, _, err = ran(capsys, "scenarios", "show", "qqq")
+    known = err.partition("Known: ")[2].partition(", ...")[0].split(", ")
+    assert (code, len(known)) == (2, 20)
+    assert len(set(known)) == 20
 
 
 def test_validate_checks_a_suite(capsys: pytest.CaptureFixture[str]) -> None:

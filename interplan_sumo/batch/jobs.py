@@ -15,7 +15,7 @@ from interplan_sumo.errors import InputError, UnknownNameError
 from interplan_sumo.maps.store import MapFiles, find_map
 from interplan_sumo.scenario.files import is_scenario_file, read_scenarios
 from interplan_sumo.scenario.scenario import Scenario
-from interplan_sumo.scenario.suite import DEFAULT_SUITE, Suite, find_suite
+from interplan_sumo.scenario.suite import DEFAULT_SUITE, SCENARIOS, Suite, find_suite
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,10 +78,18 @@ def own_maps(scenarios: Iterable[Scenario]) -> tuple[MapFiles, ...]:
     return tuple(found[name] for name in sorted(found))
 
 
+def scenario_file(text: str) -> str | None:
+    """The scenario file that somebody means, by its name or by that of the folder it lies in; None for an id."""
+    inside = Path(text) / SCENARIOS
+    if inside.is_file():
+        return str(inside)
+    return text if is_scenario_file(text) else None
+
+
 def split_files(given: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """What `--scenarios` was given, as files and globs."""
-    files = tuple(each for each in given if is_scenario_file(each))
-    return files, tuple(each for each in given if each not in files)
+    found = [(each, scenario_file(each)) for each in given]
+    return tuple(file for _, file in found if file is not None), tuple(each for each, file in found if file is None)
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,7 +19,7 @@ from interplan_sumo.batch.backend import drive_outcomes
 from interplan_sumo.batch.bundle import Bundle, open_bundle
 from interplan_sumo.batch.custom_references import keep_certified
 from interplan_sumo.batch.drive_job import DriveSettings
-from interplan_sumo.batch.jobs import Job, ScenarioSource, jobs_for, own_maps
+from interplan_sumo.batch.jobs import Job, ScenarioSource, jobs_for, own_maps, scenario_file
 from interplan_sumo.batch.judged import Judged, OtherDrive, keep_judged
 from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.records import MOST_SECONDS, AppliedOverrides, JobKey, Manifest, PlannerRecord, Row
@@ -54,7 +54,9 @@ def judge(path: Path, out: Path, options: RunOptions | None = None, watch: RunPr
     InputError, before anything is driven, for what is no bundle, or one of
     other scenarios or another traffic than those that are here.
     """
-    options = replace(options or RunOptions(), plan_limit_s=0.0)
+    options = options or RunOptions()
+    files = tuple(scenario_file(each) or each for each in options.scenarios)
+    options = replace(options, plan_limit_s=0.0, scenarios=files)
     with open_bundle(path) as bundle:
         source = ScenarioSource.of(None if options.scenarios else bundle.manifest.suite, options.scenarios)
         jobs = _checked_jobs(bundle, source)

@@ -62,7 +62,7 @@ class RunOptions:
     scenarios: tuple[str, ...] = field(
         default=(),
         metadata=_about(
-            "Ids, such as 'nudge/*', or a FILE.yaml.",
+            "Ids, such as 'nudge/*', or a FILE.yaml, or the folder it lies in.",
             metavar="GLOB",
             completes="scenario_ids",
             scene=True,

@@ -16,7 +16,7 @@ from interplan_sumo.report.printing import console, print_json, progress
 
 
 def audit(
-    suite: Annotated[str, typer.Argument(help="NAME==VERSION, or a scenario file.", metavar="SUITE|FILE.yaml")],
+    suite: Annotated[str, typer.Argument(help="NAME==VERSION, or a scenario file.", metavar="SUITE|FILE.yaml|DIR")],
     planner: Annotated[
         str, typer.Option(help="Who drives, for the look at what happens.", autocompletion=planner_names)
     ] = "idm",
@@ -27,14 +27,15 @@ def audit(
     as_json: JsonOption = False,
 ) -> int:
     """Sort the scenarios of a suite or file by what they ask, unsound ones apart; with --below, find the hard ones."""
+    from interplan_sumo.batch.jobs import scenario_file
     from interplan_sumo.batch.records import RequestedJobs
     from interplan_sumo.batch.run import run
     from interplan_sumo.report.audit_formats import audit_json, audit_text, findings
-    from interplan_sumo.scenario.files import is_scenario_file
 
     with contextlib.ExitStack() as stack:
         folder = out or Path(stack.enter_context(tempfile.TemporaryDirectory())) / "run"
-        files = (suite,) if is_scenario_file(suite) else ()
+        file = scenario_file(suite)
+        files = () if file is None else (file,)
         options = RunOptions((planner,), folder, None if files else suite, files, workers=workers)
         with progress(quiet=quiet) as watch:
             stored = run(options, watch)

@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 def certify(
     suite: Annotated[str | None, typer.Option(help="NAME==VERSION.", autocompletion=suite_names)] = None,
     scenarios: Annotated[
-        list[str] | None, typer.Option(help="Only ids that match, such as 'nudge/*'; or a FILE.yaml.")
+        list[str] | None,
+        typer.Option(help="Only ids that match, such as 'nudge/*'; or a FILE.yaml, or the folder it lies in."),
     ] = None,
     workers: WorkersOption = None,
     check: Annotated[bool, typer.Option("--check", help="Only replay the stored drives and judge them again.")] = False,

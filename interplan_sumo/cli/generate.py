@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
@@ -15,6 +15,8 @@ from interplan_sumo.report.printing import print_json
 
 if TYPE_CHECKING:
     from interplan_sumo.scenario.suite import Suite
+
+COUNT: Final = 10
 
 
 def generate(
@@ -30,7 +32,7 @@ def generate(
         str | None,
         typer.Option(help="interplan==1, interplan-large==1 or common==1: a whole suite, on all shipped maps."),
     ] = None,
-    count: Annotated[int, typer.Option(help="How many of each family.")] = 10,
+    count: Annotated[int | None, typer.Option(help=f"How many of each family. [default: {COUNT}]")] = None,
     seed: Annotated[int, typer.Option(help="Equal seeds give equal scenarios.")] = 0,
     secret_seed: Annotated[
         Path | None,
@@ -50,8 +52,17 @@ def generate(
     all scenes of the benchmark, certified all of them; the same command goes on where it was stopped.
     """
     if suite is not None:
-        if family is not None or no_certify:
-            raise InputError("--suite makes all families and certifies each scene; leave out --family, --no-certify")
+        said = {
+            "--family": family,
+            "--count": count,
+            "--no-certify": no_certify or None,
+            "--overwrite": overwrite or None,
+        }
+        if given := [name for name, value in said.items() if value is not None]:
+            raise InputError(
+                "--suite makes all scenes of all families, certifies each and goes on in its folder; "
+                f"leave out {', '.join(given)}"
+            )
         return _suite(suite, out, map or [], seed, secret_seed, workers, as_json=as_json)
     if map is None or len(map) > 1 or family is None:
         raise InputError("give one --map and a --family, or a --suite, such as --suite interplan==1")
@@ -63,7 +74,7 @@ def generate(
 
 
 def _on_map(
-    map: str, family: str, out: Path, count: int, seed: int, workers: int | None, *,
+    map: str, family: str, out: Path, count: int | None, seed: int, workers: int | None, *,
     certify: bool, overwrite: bool, as_json: bool,
 ) -> int:  # fmt: skip
     from interplan_sumo.maps.store import find_map, load_roads
@@ -72,6 +83,7 @@ def _on_map(
     from interplan_sumo.verification.map_bundling import own_maps_root
 
     check_folder(out, overwrite=overwrite)
+    count = COUNT if count is None else count
     files = find_map(map)
     root = own_maps_root(files)
     made = [generated(load_roads(files.folder), name, count, seed, maps_beside=root) for name in families_of(family)]

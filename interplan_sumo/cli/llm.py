@@ -69,8 +69,9 @@ def try_model(
     as_json: JsonOption = False,
 ) -> int:
     """Ask for one decision in a scenario: the prompt, the options, the answer and what it cost."""
+    from interplan_sumo.batch.jobs import scenario_file
     from interplan_sumo.planner import load_planner
-    from interplan_sumo.scenario.files import is_scenario_file, read_scenario
+    from interplan_sumo.scenario.files import read_scenario
     from interplan_sumo.scenario.suite import find_scenario
     from interplan_sumo.simulation.episode import run_until
 
@@ -79,7 +80,8 @@ def try_model(
     if not hasattr(asking, "exchanges"):
         raise InputError(f"planner {planner!r} asks no language model; give llm_hybrid or llm_waypoints")
     asker = cast(Asking, asking)
-    found = read_scenario(scenario) if is_scenario_file(scenario) else find_scenario(scenario)
+    file = scenario_file(scenario)
+    found = find_scenario(scenario) if file is None else read_scenario(file)
     asked_s = run_until(found, asking, lambda: bool(asker.exchanges and asker.exchanges[-1].time_s >= at), seed=seed)
     if asked_s is None:
         raise InputError(f"{found.id}: nothing is asked from {at:g} s on; give another scenario, or an earlier --at")

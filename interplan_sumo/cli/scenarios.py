@@ -50,20 +50,20 @@ def show_scenario(
     what: Annotated[
         str,
         typer.Argument(
-            help="A scenario id, such as nudge/0; or a file.", metavar="ID|FILE.yaml", autocompletion=scenario_ids
+            help="A scenario id, such as nudge/0; or a file.", metavar="ID|FILE.yaml|DIR", autocompletion=scenario_ids
         ),
     ],
     as_json: JsonOption = False,
 ) -> None:
     """One scenario: where it is, what stands in the way, what the traffic does. Of a file all, as a JSON list."""
+    from interplan_sumo.batch.jobs import scenario_file
     from interplan_sumo.report.listings import file_details, scenario_details
-    from interplan_sumo.scenario.files import is_scenario_file
     from interplan_sumo.scenario.suite import find_scenario
 
-    is_file = is_scenario_file(what)
-    details = file_details(Path(what)) if is_file else [scenario_details(find_scenario(what))]
+    file = scenario_file(what)
+    details = [scenario_details(find_scenario(what))] if file is None else file_details(Path(file))
     if as_json:
-        print_json(details if is_file else details[0])
+        print_json(details[0] if file is None else details)
     else:
         import yaml
 
@@ -87,7 +87,7 @@ def export_scenario(
 
 @scenarios_app.command("validate")
 def validate_scenarios(
-    files: Annotated[list[Path] | None, typer.Argument(help="Scenario files.", metavar="FILE.yaml")] = None,
+    files: Annotated[list[Path] | None, typer.Argument(help="Scenario files.", metavar="FILE.yaml|DIR")] = None,
     suite: Annotated[
         str | None, typer.Option(help="NAME==VERSION: the scenarios of a suite.", autocompletion=suite_names)
     ] = None,
@@ -120,7 +120,7 @@ def render_scenario(
         str,
         typer.Argument(
             help="A scenario id; or a file or NAME==VERSION, of which several are drawn as one sheet.",
-            metavar="ID|FILE.yaml|SUITE",
+            metavar="ID|FILE.yaml|DIR|SUITE",
             autocompletion=scenes,
         ),
     ],
@@ -155,16 +155,19 @@ def freeze_suite(
 
 def _named(what: str) -> tuple[Scenario, ...]:
     """The scenarios of a file or a suite, or the one with this id."""
-    from interplan_sumo.scenario.files import is_scenario_file, read_scenarios
+    from interplan_sumo.batch.jobs import scenario_file
+    from interplan_sumo.scenario.files import read_scenarios
     from interplan_sumo.scenario.suite import find_scenario, find_suite
 
-    if is_scenario_file(what):
-        return read_scenarios(what)
+    file = scenario_file(what)
+    if file is not None:
+        return read_scenarios(file)
     return find_suite(what).scenarios if "==" in what else (find_scenario(what),)
 
 
 def _to_validate(files: list[Path], suite: str | None) -> tuple[list[tuple[str, Scenario]], list[tuple[str, str, str]]]:
     """Scenarios with where they come from; and (source, id, problem) of files that cannot be read."""
+    from interplan_sumo.batch.jobs import scenario_file
     from interplan_sumo.errors import ScenarioError
     from interplan_sumo.scenario.files import read_scenarios
     from interplan_sumo.scenario.suite import find_suite
@@ -173,9 +176,10 @@ def _to_validate(files: list[Path], suite: str | None) -> tuple[list[tuple[str, 
         raise InputError("nothing to validate; name a FILE.yaml, or a suite with --suite")
     found = [(suite, scenario) for scenario in find_suite(suite).scenarios] if suite is not None else []
     problems: list[tuple[str, str, str]] = []
-    for file in files:
+    for each in map(str, files):
+        file = scenario_file(each) or each
         try:
-            found += [(str(file), scenario) for scenario in read_scenarios(file)]
+            found += [(file, scenario) for scenario in read_scenarios(file)]
         except ScenarioError as error:
             problems.append(("", "", str(error)))
     return found, problems

@@ -286,6 +286,10 @@ def test_options_that_do_not_go_together_are_refused_with_the_way_out(capsys: py
     for given, said in (
         (["--suite", "interplan==2"], "interplan==1"),
         (["--suite", "interplan==1", "--family", "nudge"], "leave out --family"),
+        (
+            ["--suite", "interplan==1", "--map", "strip", "--count", "1", "--overwrite"],
+            "leave out --count, --overwrite",
+        ),
         (["--map", "strip"], "--family"),
         (["--map", "strip", "--family", "nudge", "--secret-seed", "x"], "--secret-seed is for a --suite"),
     ):
