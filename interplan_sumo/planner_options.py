@@ -39,8 +39,9 @@ def option_defaults(make: Any) -> dict[str, Any]:
 def options_of(name: str, make: Any, query: str) -> dict[str, Any]:
     """The options of `key=value&key=value` for what makes planner `name`.
 
-    Values are YAML; a text stays as it was written where the constructor says `str`. UnknownNameError or
-    PlannerLoadError for what the constructor does not take, as far as its parameters and their annotations tell.
+    Values are YAML, an empty one an empty text; a text stays as it was written where the constructor says `str`.
+    UnknownNameError or PlannerLoadError for what the constructor does not take, as far as its parameters and their
+    annotations tell.
     """
     known, takes_others = _parameters(make)
     hints = _hints(make)
@@ -53,6 +54,8 @@ def options_of(name: str, make: Any, query: str) -> dict[str, Any]:
             if not known:
                 raise PlannerLoadError(f"planner {name!r} has no options; leave {pair!r} away")
             raise UnknownNameError(f"option of planner {name!r}", key, [p.name for p in known])
+        if key in found:
+            raise PlannerLoadError(f"planner {name!r} is given the option {key} twice; leave one of them away")
         found[key] = _value(f"option {key} of planner {name!r}", value, hints.get(key, Any))
     missing = [p.name for p in known if p.default is p.empty and p.name not in found]
     if missing:
@@ -64,7 +67,7 @@ def options_of(name: str, make: Any, query: str) -> dict[str, Any]:
 def _value(what: str, text: str, hint: Any) -> Any:
     """A value as its annotation wants it: read as YAML, or the text itself."""
     try:
-        value = yaml.load(text, OptionLoader)  # a safe loader
+        value = yaml.load(text, OptionLoader) if text else ""  # a safe loader
     except (ValueError, yaml.YAMLError):
         raise PlannerLoadError(f"{what} is {text!r}, which cannot be read; texts with signs need quotes") from None
     if isinstance(value, float) and isnan(value):

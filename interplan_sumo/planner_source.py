@@ -11,6 +11,7 @@ from __future__ import annotations
 import ast
 import hashlib
 import importlib.util
+import re
 import shlex
 import shutil
 import sys
@@ -22,6 +23,7 @@ from functools import cache
 from importlib.machinery import ModuleSpec
 from pathlib import Path, PurePosixPath
 from typing import Any, Final
+from urllib.parse import unquote
 
 import yaml
 
@@ -30,7 +32,12 @@ from interplan_sumo.planner import EXEC, PLANNERS, split_spec
 from interplan_sumo.planner_options import OptionLoader
 
 RECORDS: Final = frozenset((".jsonl", ".log", ".db", ".sqlite"))
-"""Files that a planner writes, such as answers of language models: what its options name so is none of its source."""
+"""Files that a planner writes, such as answers of language models: what its options name so is none of its source.
+
+But for one that is told to `replay`, which reads them.
+"""
+_SIGN: Final = re.compile(r"([\s?&=:,;+@#|])")
+"""Between the words of options, and of texts that name more than a file, such as `embedded:FILE+lora:FILE@0.5`."""
 LARGE_BYTES: Final = 64 << 20
 """Of a file beyond this, only its size and pieces all over it count."""
 _PIECES, _PIECE_BYTES = 64, 1 << 16
@@ -56,9 +63,9 @@ class PlannerSource:
         name, query = split_spec(spec)
         if name.startswith(f"{EXEC}:"):
             words = shlex.split(name.removeprefix(f"{EXEC}:"))
-            places = _named([shutil.which(words[0]) or words[0], *words[1:]])
+            places = _named([shutil.which(words[0]) or words[0], *words[1:]], name)
         else:
-            places = {**_modules(_module(name)), **_named(_values(query))}
+            places = {**_modules(_module(name)), **_named(_values(query), query)}
         files = {each: _digest(place)[:16] for each, place in sorted(places.items())}
         about = "\n".join((query, *(f"{each} {digest}" for each, digest in files.items())))
         return cls(hashlib.sha256(about.encode(errors="surrogateescape")).hexdigest(), files)
@@ -220,19 +227,38 @@ def _values(query: str) -> Iterator[str]:
             yield from texts(yaml.load(pair.partition("=")[2], OptionLoader))  # a safe loader
 
 
-def _named(texts: Iterable[str]) -> dict[str, Path]:
-    """The files that are named, and what lies in folders that are."""
+def _named(texts: Iterable[str], options: str) -> dict[str, Path]:
+    """The files that texts of these options name, and what lies in folders that they name."""
+    written = frozenset[str]() if "replay" in _SIGN.split(options) else RECORDS
     found: dict[str, Path] = {}
     for text in texts:
-        with suppress(OSError, ValueError):
-            place = Path(text).expanduser()
-            if place.suffix in RECORDS:
-                continue
-            if place.is_file():
-                found[text] = place
-            elif place.is_dir() and text not in ("", ".", "/"):
-                found |= {f"{text}/{name}": path for name, path in _below(place)}
+        for name, place in _mentioned(text).items():
+            if place.is_file() and place.suffix not in written:
+                found[name] = place
+            elif place.is_dir() and name not in ("", ".", "/"):
+                found |= {f"{name}/{below}": path for below, path in _below(place)}
     return found
+
+
+def _mentioned(text: str) -> dict[str, Path]:
+    """What a text names: a file or a folder as a whole, or else the files whose names stand between signs of it."""
+    if (whole := _place(text)) is not None:
+        return {text: whole}
+    words = _SIGN.split(text)  # each second one is a sign
+    parts = (
+        "".join(words[first:end]) for first in range(0, len(words), 2) for end in range(first + 1, len(words) + 1, 2)
+    )
+    return {part: place for part in parts if (place := _place(part)) is not None and place.is_file()}
+
+
+def _place(name: str) -> Path | None:
+    """The file or folder of a name, which may be written as in a URL; None if there is none."""
+    for each in dict.fromkeys((name, unquote(name))):
+        with suppress(OSError, ValueError, RuntimeError):
+            place = Path(each).expanduser()
+            if place.exists():
+                return place
+    return None
 
 
 def _digest(file: Path) -> str:

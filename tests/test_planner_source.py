@@ -61,6 +61,42 @@ def test_what_it_writes_is_none_of_it(place: Path) -> None:
     assert PlannerSource.of(spec) == before
 
 
+@pytest.mark.parametrize(
+    "options",
+    [
+        "model=embedded:net.gguf", "model=embedded+lora:net.gguf@0.5", "model=embedded:other.gguf+lora:net.gguf",
+        "model=embedded:%6eet.gguf", "nets=[small:net.gguf]",
+    ],
+)  # fmt: skip
+def test_a_file_that_a_part_of_an_option_names_is_one_of_it(options: str, place: Path) -> None:
+    spec = f"acme.planner:Acme?{options}"
+    (place / "net.gguf").write_bytes(b"aaa")
+    before = PlannerSource.of(spec)
+    (place / "net.gguf").write_bytes(b"bbb")
+    assert PlannerSource.of(spec).hash != before.hash
+
+
+def test_signs_in_the_name_of_a_file_are_no_obstacle(place: Path) -> None:
+    (place / "net@2+a.gguf").write_bytes(b"weights")
+    spec = "acme.planner:Acme?model=embedded:net@2+a.gguf@0.5"
+    assert set(PlannerSource.of(spec).files) - set(PlannerSource.of("acme.planner:Acme").files) == {"net@2+a.gguf"}
+
+
+@pytest.mark.parametrize(
+    "options",
+    ["model=replay:answers.jsonl#toy", "model=embedded&store=answers.jsonl&mode=replay", "replay=answers.jsonl"],
+)
+def test_what_it_replays_is_one_of_it(options: str, place: Path) -> None:
+    (place / "answers.jsonl").write_text("{}\n")
+    assert "answers.jsonl" in PlannerSource.of(f"acme.planner:Acme?{options}").files
+
+
+@pytest.mark.usefixtures("place")
+def test_a_home_that_nobody_has_names_no_file() -> None:
+    spec = "acme.planner:Acme"
+    assert PlannerSource.of(f"{spec}?place=~nobody_at_all/net.onnx").files == PlannerSource.of(spec).files
+
+
 @pytest.mark.usefixtures("place")
 def test_other_options_are_another_hash() -> None:
     assert PlannerSource.of("acme.planner:Acme?gain=2").hash != PlannerSource.of("acme.planner:Acme?gain=3").hash
@@ -137,7 +173,8 @@ def test_a_program_is_its_file_and_those_that_it_is_given(place: Path) -> None:
     program = place / "drive"
     program.write_text("#!/bin/sh\n")
     program.chmod(0o755)
-    spec = "exec:./drive --config my.yaml"
+    (place / "drive.log").write_text("")
+    spec = "exec:./drive --config=my.yaml --log drive.log"
     before = PlannerSource.of(spec)
     assert set(before.files) == {"./drive", "my.yaml"}
     program.write_text("#!/bin/sh\necho\n")
