@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -106,6 +107,12 @@ def test_only_with_memory_the_past_is_told() -> None:
         chooser.choose(seen(), BOTH, None)
         chooser.choose(seen(), BOTH, None)
     assert ["You chose" in text for text in asked] == [False, False, False, True]
+
+
+@pytest.mark.parametrize("timeout_s", [0.0, -1.0, math.inf, math.nan, 1e7])
+def test_nobody_can_wait_for_no_time_or_for_ever(timeout_s: float) -> None:
+    with pytest.raises(ValueError, match="expected more than 0 and at most 1e"):
+        ModelChooser(always("merge_left"), timeout_s=timeout_s)
 
 
 def test_a_new_episode_starts_without_counts_and_memory() -> None:

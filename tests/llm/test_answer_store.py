@@ -138,6 +138,17 @@ def test_a_line_that_was_cut_off_is_overlooked_and_written_over(path: Path) -> N
     assert [json.loads(line)["model"] for line in path.read_text().splitlines()] == ["toy", "toy"]
 
 
+@pytest.mark.parametrize("kept", [None, b""])
+def test_a_file_that_was_taken_away_or_emptied_begins_anew(kept: bytes | None, path: Path) -> None:
+    model = stored(path, "record", "stop", "follow", "stop")
+    model.ask(question("One."))
+    model.ask(question("Two."))
+    path.unlink() if kept is None else path.write_bytes(kept)
+    model.ask(question("Three."))
+    assert stored(path, "replay").ask(question("Three.")).choice == "stop"
+    assert len(AnswerStore(path)) == len(path.read_bytes().splitlines()) == 1
+
+
 @pytest.mark.parametrize("damage", [
     b"nonsense", b"[]", b"{}", b"\xff", b"[" * 5000,
     b'{"key": "k", "model": "m", "failure": {"cause": "bored", "message": "", "latency_s": 0}}',

@@ -218,6 +218,11 @@ def test_a_redirect_is_not_followed_and_told_without_the_key(server: ChatServer)
     assert "redirects to an address that cannot be read" in failure.message
 
 
+def test_what_a_server_says_of_an_error_reaches_no_terminal_as_it_is(server: ChatServer) -> None:
+    failure = failure_of(model_of(server, chat_server.status(401, message="\x1b[2Jall\nis \x9b1mwell")))
+    assert failure.message.endswith(r"HTTP 401: \x1b[2Jall is \x9b1mwell")
+
+
 def test_the_key_goes_to_the_server_and_nowhere_else(
     server: ChatServer, caplog: pytest.LogCaptureFixture, capfd: pytest.CaptureFixture[str]
 ) -> None:

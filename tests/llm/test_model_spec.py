@@ -13,7 +13,7 @@ from interplan_llm.models import spec as model_spec
 from interplan_llm.models.fetch import SMOLLM2
 from interplan_llm.models.protocol import ModelFailure
 from interplan_llm.models.spec import ADAPTERS, adapter_file, open_model
-from interplan_llm.models.store import AnswerStore, StoredModel
+from interplan_llm.models.store import AnswerStore, Mode, StoredModel
 from interplan_sumo.errors import InputError, UnknownNameError
 from interplan_sumo.planner import Mission, Observation, load_planner
 from interplan_sumo.world.trajectory import Trajectory
@@ -114,6 +114,29 @@ def test_an_unknown_kind_or_mode_suggests_a_near_one_and_a_replay_needs_no_store
         open_model("scripted:x", mode="repla")  # type: ignore[arg-type]
     with pytest.raises(InputError, match="needs no store"):
         open_model("replay:a.jsonl", store=tmp_path / "b.jsonl")
+
+
+@pytest.mark.parametrize(("spec", "mode", "message"), [
+    ("scripted:x", "replay", "scripted:x: mode replay needs the file of the answers; name it as store"),
+    ("scripted:x", "refresh", "scripted:x: mode refresh needs the file of the answers; name it as store"),
+    ("replay:a.jsonl", "refresh", "replay:a.jsonl: a replay asks nobody anew; name a model, with this file as store"),
+])  # fmt: skip
+def test_a_mode_that_needs_a_file_or_a_model_asks_nobody_without(spec: str, mode: Mode, message: str) -> None:
+    with pytest.raises(InputError) as refused:
+        open_model(spec, mode=mode)
+    assert str(refused.value) == message
+
+
+def test_an_empty_store_is_refused_in_options_as_well() -> None:
+    with pytest.raises(InputError, match="store is empty; name the file"):
+        load_planner("llm_waypoints?model=scripted:x&store=")
+
+
+def test_names_in_a_file_of_answers_reach_no_terminal_as_they_are(tmp_path: Path) -> None:
+    for name in ("a\x1b[2J", "b"):
+        StoredModel(name, AnswerStore(tmp_path / "a.jsonl"), "record", open_model("scripted:stop")).ask(question())
+    with pytest.raises(InputError, match=r"name one as .*: a\\x1b\[2J, b"):
+        open_model(f"replay:{tmp_path / 'a.jsonl'}")
 
 
 @pytest.mark.parametrize("spec", [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -122,6 +123,12 @@ def test_nonsense_is_counted_and_not_driven() -> None:
     made.plan(observation(ego(100.0, -3.5, 8.0)))
     made.plan(observation(ego(108.0, -3.5, 8.0, time_s=1.0)))
     assert [each.failure and each.failure.cause for each in made.exchanges] == ["parse"] * 2
+
+
+@pytest.mark.parametrize("timeout_s", [0.0, -1.0, math.inf, math.nan, 1e7])
+def test_nobody_can_wait_for_no_time_or_for_ever(timeout_s: float) -> None:
+    with pytest.raises(ValueError, match="expected more than 0 and at most 1e"):
+        planner(timeout_s=timeout_s)
 
 
 def test_every_question_asks_for_json_of_a_closed_form() -> None:

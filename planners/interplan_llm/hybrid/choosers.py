@@ -10,7 +10,7 @@ from interplan_llm.hybrid.behaviours import Behaviour
 from interplan_llm.hybrid.scene import BlockedLane, DecisionScene, LaneView, Walker
 from interplan_llm.hybrid.text import messages
 from interplan_llm.models.exchanges import Exchange
-from interplan_llm.models.protocol import LanguageModel, ModelFailure, Request
+from interplan_llm.models.protocol import LanguageModel, ModelFailure, Request, check_timeout
 from interplan_planners.common.gaps import GapRules, clearances_needed_m
 from interplan_sumo.planner import Mission
 
@@ -139,6 +139,7 @@ class ModelChooser:
         `real_time` has an answer take effect when it would have come; else the
         world waits for it.
         """
+        check_timeout(timeout_s)
         self.model = model
         self.memory = memory
         self.thoughts = thoughts

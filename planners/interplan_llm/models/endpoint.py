@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
 from interplan_llm.models.protocol import MAX_TEXT_BYTES, Cause, ModelFailure
-from interplan_sumo.errors import InputError
+from interplan_sumo.errors import InputError, clean_line
 from interplan_sumo.extras import library
 
 KEY_VARIABLE = "INTERPLAN_LLM_KEY"
@@ -178,11 +178,10 @@ class Endpoint:
         return f": {self._told(text)}" if isinstance(text, str) else ""
 
     def _told(self, text: str) -> str:
-        """Foreign text on one line, shortened and without the key."""
+        """Foreign text on one line that can be printed, shortened and without the key."""
         if self._secret is not None:
             text = self._secret.sub("[key]", text)
-        line = " ".join(text.split())
-        return line if len(line) <= _DETAIL_CHARS else f"{line[:_DETAIL_CHARS]}..."
+        return clean_line(text, _DETAIL_CHARS)
 
 
 def within(seconds: float, work: Callable[[], T]) -> T:

@@ -22,7 +22,15 @@ among the choices; nothing recorded."""
 CAUSES: tuple[Cause, ...] = get_args(Cause)
 MAX_TEXT_BYTES = 100_000
 """Longer answers are not read."""
+MAX_TIMEOUT_S = 1e6
+"""Eleven days; threads and sockets cannot wait for ever."""
 _BETWEEN = re.compile(r"[\s_-]+")
+
+
+def check_timeout(timeout_s: float) -> None:
+    """ValueError for a time for which no answer can be waited."""
+    if not 0.0 < timeout_s <= MAX_TIMEOUT_S:
+        raise ValueError(f"timeout_s is {timeout_s}, expected more than 0 and at most {MAX_TIMEOUT_S:g}")
 
 
 def normal(word: str) -> str:
@@ -75,8 +83,7 @@ class Request:
             raise ValueError(f"max_tokens is {self.max_tokens}, expected at least 1")
         if not (math.isfinite(self.temperature) and self.temperature >= 0.0):
             raise ValueError(f"temperature is {self.temperature}, expected 0 or more")
-        if not (math.isfinite(self.timeout_s) and self.timeout_s > 0.0):
-            raise ValueError(f"timeout_s is {self.timeout_s}, expected more than 0")
+        check_timeout(self.timeout_s)
 
     def _check_choices(self, choices: tuple[str, ...]) -> None:
         if self.schema is not None:

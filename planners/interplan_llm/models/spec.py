@@ -28,7 +28,7 @@ from interplan_llm.models.fetch import default_model
 from interplan_llm.models.protocol import LanguageModel
 from interplan_llm.models.scripted import always
 from interplan_llm.models.store import MODES, AnswerStore, Mode, StoredModel
-from interplan_sumo.errors import InputError, UnknownNameError
+from interplan_sumo.errors import InputError, UnknownNameError, clean_line
 
 KINDS = ("embedded", "http", "https", "replay", "scripted")
 
@@ -42,22 +42,30 @@ def open_model(spec: str, *, store: str | Path | None = None, mode: Mode = "reco
     """The model that `spec` names, ready to be asked; InputError if it names none or it cannot run.
 
     With `store`, its answers are kept in that file, or come from it: see
-    `Mode`. In mode `replay` the model itself is never opened. `threads` is for
-    the embedded model.
+    `Mode`; all but `record` need one. In mode `replay` the model itself is
+    never opened. `threads` is for the embedded model.
     """
     if mode not in MODES:
         raise UnknownNameError("mode of a store", mode, MODES)
+    if store == "":
+        raise InputError("store is empty; name the file of the answers, or leave store away")
     file = None if store is None else Path(store).expanduser()
     kind, _, rest = spec.partition(":")
     if kind == "replay":
         if file is not None:
             raise InputError(f"{spec}: a replay needs no store beside the file that it names")
+        if mode == "refresh":
+            raise InputError(f"{spec}: a replay asks nobody anew; name a model, with this file as store")
         recorded, _, name = rest.partition("#")
         return _replay(_path(recorded, spec), unquote(name))
-    if file is not None and mode == "replay":
+    if file is None:
+        if mode != "record":
+            raise InputError(f"{spec}: mode {mode} needs the file of the answers; name it as store")
+        return _opened(spec, threads)
+    if mode == "replay":
         return _replay(file, _recorded_name(spec))
     model = _opened(spec, threads)
-    return model if file is None else StoredModel(model.name, AnswerStore(file), mode, model)
+    return StoredModel(model.name, AnswerStore(file), mode, model)
 
 
 def _opened(spec: str, threads: int) -> LanguageModel:
@@ -149,4 +157,4 @@ def _path(text: str, spec: str) -> Path:
 
 
 def _listed(names: tuple[str, ...] | list[str]) -> str:
-    return ", ".join(names) or "none"
+    return ", ".join(map(clean_line, names)) or "none"

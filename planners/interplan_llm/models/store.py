@@ -126,7 +126,9 @@ class AnswerStore:
             raise InputError(f"cannot read the answers in {self.path}: {error.strerror}") from None
 
     def _take_in(self, file: IO[bytes]) -> None:
-        """Read the complete lines that are new."""
+        """Read the complete lines that are new: all of them if what was read is no longer there."""
+        if file.seek(0, os.SEEK_END) < self._read_to:
+            self._entries, self._read_to, self._lines = {}, 0, 0
         file.seek(self._read_to)
         whole, newline, _ = file.read().rpartition(b"\n")
         for line in whole.splitlines() if newline else ():

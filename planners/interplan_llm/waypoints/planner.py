@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from interplan_llm.models.exchanges import Exchange, usage_stats
-from interplan_llm.models.protocol import LanguageModel, Message, ModelFailure, Request
+from interplan_llm.models.protocol import LanguageModel, Message, ModelFailure, Request, check_timeout
 from interplan_llm.models.spec import open_model
 from interplan_llm.models.store import Mode
 from interplan_llm.waypoints.answers import kept_up_with, trajectory, waypoints
@@ -52,6 +52,7 @@ class LlmWaypointsPlanner:
         """`model`, `store` and `mode` as docs/language_models.md says."""
         if not every_s > 0.0:
             raise ValueError(f"every_s is {every_s}, expected more than 0")
+        check_timeout(timeout_s)
         self.model: LanguageModel = open_model(model, store=store, mode=mode, threads=threads)
         self.every_s = every_s
         self.centerline = centerline
