@@ -11,8 +11,10 @@ import pytest
 from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.run import run
 from interplan_sumo.cli import main
+from interplan_sumo.planner import Mission, Observation
 from interplan_sumo.scenario.files import write_scenarios
 from interplan_sumo.scenario.suite import find_scenario
+from interplan_sumo.world.trajectory import Trajectory
 
 
 def test_one_decision_is_shown_with_prompt_options_answer_and_cost(capsys: pytest.CaptureFixture[str]) -> None:
@@ -38,10 +40,33 @@ def test_the_waypoints_planner_can_be_asked_as_well(capsys: pytest.CaptureFixtur
     assert "failed (parse)" in capsys.readouterr().out
 
 
+class Failing:
+    """Knows how to ask, and fails before it does."""
+
+    def __init__(self) -> None:
+        self.exchanges: list[object] = []
+
+    def start(self, mission: Mission) -> None: ...
+
+    def plan(self, observation: Observation) -> Trajectory:
+        raise ZeroDivisionError(f"at {observation.time_s}")
+
+
+def test_an_answer_keeps_its_lines_and_reaches_no_terminal_as_it_is(capsys: pytest.CaptureFixture[str]) -> None:
+    answer = "  one\x1b[2J\n\ntwo \x9b1m"
+    assert main(["llm", "try", "nudge/0", "--planner", "llm_waypoints", "--model", f"scripted:{answer}"]) == 0
+    assert "\n  one\\x1b[2J\n\ntwo \\x9b1m\n" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (["nudge/0", "--planner", "idm"], "planner 'idm' asks no language model; give llm_hybrid or llm_waypoints"),
+        (["nudge/0", "--model", "rules"], "planner 'llm_hybrid?model=rules' asks no language model"),
+        (
+            ["nudge/0", "--planner", f"{__name__}:Failing"],
+            ":Failing' failed in nudge/0: plan() raised ZeroDivisionError: at 0",
+        ),
         (["nudge/0", "--model", "scripted:x", "--at", "900"], "nudge/0: nothing is asked from 900 s on"),
         (["nudge/99", "--model", "scripted:x"], "no scenario named 'nudge/99'"),
         (["nudge/0", "--model", "oracle"], "no kind of language model named 'oracle'"),

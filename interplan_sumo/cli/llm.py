@@ -13,11 +13,14 @@ import typer
 
 from interplan_sumo.cli.completion import run_folders, scenario_ids
 from interplan_sumo.cli.options import DONE, LOOKS, JsonOption, QuietOption
-from interplan_sumo.errors import InputError
+from interplan_sumo.errors import InputError, PlannerError, clean_line
 from interplan_sumo.report.printing import print_json
 
 if TYPE_CHECKING:
     from interplan_sumo.dataset.drives import Drive
+    from interplan_sumo.planner import Mission, Observation, Planner
+    from interplan_sumo.scenario.scenario import Scenario
+    from interplan_sumo.world.trajectory import Trajectory
 
 SAFE = ":/@,+#%"
 """What a model's name may hold as it is inside a planner's options."""
@@ -73,19 +76,16 @@ def try_model(
     from interplan_sumo.planner import load_planner
     from interplan_sumo.scenario.files import read_scenario
     from interplan_sumo.scenario.suite import find_scenario
-    from interplan_sumo.simulation.episode import run_until
 
     spec = planner if model is None else f"{planner}{'&' if '?' in planner else '?'}model={quote(model, safe=SAFE)}"
     asking = load_planner(spec)
-    if not hasattr(asking, "exchanges"):
-        raise InputError(f"planner {planner!r} asks no language model; give llm_hybrid or llm_waypoints")
-    asker = cast(Asking, asking)
+    if getattr(asking, "exchanges", None) is None:
+        raise InputError(
+            f"planner {spec!r} asks no language model; give llm_hybrid or llm_waypoints, and a language model"
+        )
     file = scenario_file(scenario)
     found = find_scenario(scenario) if file is None else read_scenario(file)
-    asked_s = run_until(found, asking, lambda: bool(asker.exchanges and asker.exchanges[-1].time_s >= at), seed=seed)
-    if asked_s is None:
-        raise InputError(f"{found.id}: nothing is asked from {at:g} s on; give another scenario, or an earlier --at")
-    exchange = asker.exchanges[-1].as_json()
+    exchange = _first_exchange(found, spec, asking, at, seed)
     if as_json:
         print_json({"scenario": found.id, "planner": spec, **exchange})
     else:
@@ -154,19 +154,47 @@ class Asking(Protocol):
     def exchanges(self) -> Sequence[Any]: ...
 
 
+def _first_exchange(scenario: Scenario, spec: str, planner: Planner, at_s: float, seed: int) -> dict[str, Any]:
+    """What is asked first from a time on; InputError if that is nothing, or the planner fails before."""
+    from interplan_sumo.planner_seat import guarded
+    from interplan_sumo.simulation.episode import run_until
+
+    class Guarded:
+        """Whatever the planner raises is a PlannerError."""
+
+        def start(self, mission: Mission) -> None:
+            guarded(lambda: planner.start(mission), "start()")
+
+        def plan(self, observation: Observation) -> Trajectory:
+            return guarded(lambda: planner.plan(observation), "plan()")
+
+    asker = cast(Asking, planner)
+    try:
+        run_until(scenario, Guarded(), lambda: bool(asker.exchanges and asker.exchanges[-1].time_s >= at_s), seed=seed)
+    except PlannerError as error:
+        raise InputError(f"planner {spec!r} failed in {scenario.id}: {clean_line(str(error))}") from error
+    if not asker.exchanges or asker.exchanges[-1].time_s < at_s:
+        raise InputError(
+            f"{scenario.id}: nothing is asked from {at_s:g} s on; give another scenario, or an earlier --at"
+        )
+    return asker.exchanges[-1].as_json()
+
+
 def _print_exchange(scenario: str, exchange: dict[str, Any]) -> None:
-    print(f"{scenario} at {exchange['time_s']:.1f} s")
-    for message in exchange["messages"]:
-        print(f"\n[{message['role']}]\n{message['text']}")
+    """All of it, without what a terminal would obey."""
+    from interplan_sumo.batch.records import readable
+
+    lines = [f"{scenario} at {exchange['time_s']:.1f} s"]
+    lines += [f"\n[{message['role']}]\n{message['text']}" for message in exchange["messages"]]
     reply, failure = exchange["reply"], exchange["failure"]
     if reply is not None:
-        print(f"\n[answer of {reply['model']}]\n{reply['text']}")
-        print(
-            f"\ncost: {reply['prompt_tokens']} tokens in, {reply['completion_tokens']} out, {reply['latency_s']:.2f} s"
-        )
+        tokens = f"{reply['prompt_tokens']} tokens in, {reply['completion_tokens']} out"
+        lines.append(f"\n[answer of {reply['model']}]\n{reply['text']}\n\ncost: {tokens}, {reply['latency_s']:.2f} s")
     if failure is not None:
-        print(f"\nfailed ({failure['cause']}): {failure['message']}")
-    print(f"done: {exchange['taken']}")
+        lines.append(f"\nfailed ({failure['cause']}): {failure['message']}")
+    lines.append(f"done: {exchange['taken']}")
+    for line in "\n".join(lines).split("\n"):
+        print(readable(line))
 
 
 def _shelf(module: str) -> Any:

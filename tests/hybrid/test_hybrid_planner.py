@@ -8,10 +8,11 @@ import pytest
 from worlds import cars, ego, mission, straight_road
 
 from interplan_llm.hybrid.behaviours import Behaviour
-from interplan_llm.hybrid.choosers import RandomChooser
-from interplan_llm.hybrid.planner import HybridPlanner
+from interplan_llm.hybrid.choosers import ModelChooser, RandomChooser
+from interplan_llm.hybrid.planner import HybridLlmPlanner, HybridPlanner
 from interplan_llm.hybrid.scene import DecisionScene
-from interplan_sumo.planner import Mission
+from interplan_sumo.errors import InputError
+from interplan_sumo.planner import Mission, load_planner
 from interplan_sumo.world.actors import Actors
 from interplan_sumo.world.ego import EgoState
 from tests.planners.staging_planners import driven
@@ -131,6 +132,30 @@ def test_the_same_coin_gives_the_same_drive_every_time() -> None:
     assert once == again
     assert planner.decisions == same.decisions
     assert {d.behaviour for d in planner.decisions} > {Behaviour.FOLLOW}
+
+
+def test_the_seed_of_a_planners_options_is_the_models() -> None:
+    planner = load_planner("llm_hybrid?model=scripted:stop&seed=3")
+    assert isinstance(planner, HybridLlmPlanner)
+    assert isinstance(planner.chooser, ModelChooser)
+    assert planner.chooser.seed == 3
+
+
+@pytest.mark.parametrize(("options", "idle"), [
+    ("model=rules&memory=true&seed=1", "memory, seed"), ("model=random&seed=1&timeout_s=5", "timeout_s"),
+    ("model=random&store=a.jsonl&mode=replay", "store, mode"), ("model=rules&threads=2", "threads"),
+])  # fmt: skip
+def test_options_of_a_language_model_are_refused_where_none_is_asked(options: str, idle: str) -> None:
+    with pytest.raises(InputError, match=f"is no language model, so leave {idle} away"):
+        load_planner(f"llm_hybrid?{options}")
+
+
+@pytest.mark.parametrize("options", ["model=random&seed=1&every_s=2", "model=rules&every_s=2&timeout_s=60"])
+def test_a_coin_and_rules_take_their_own_options(options: str) -> None:
+    planner = load_planner(f"llm_hybrid?{options}")
+    assert isinstance(planner, HybridLlmPlanner)
+    assert planner.exchanges is None
+    assert planner.report() == {}
 
 
 def test_a_period_must_be_positive() -> None:

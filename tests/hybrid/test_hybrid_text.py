@@ -14,6 +14,7 @@ from interplan_llm.hybrid.scene import DecisionScene, Oncoming, SceneObserver
 from interplan_llm.hybrid.text import messages
 from interplan_llm.models.protocol import ModelFailure, Request
 from interplan_llm.models.scripted import ScriptedModel, always
+from interplan_llm.models.store import key_of
 from interplan_sumo.world.actors import Actors
 
 ROAD = straight_road(lanes=3, length_m=500.0, limit_mps=12.0)
@@ -113,6 +114,15 @@ def test_only_with_memory_the_past_is_told() -> None:
 def test_nobody_can_wait_for_no_time_or_for_ever(timeout_s: float) -> None:
     with pytest.raises(ValueError, match="expected more than 0 and at most 1e"):
         ModelChooser(always("merge_left"), timeout_s=timeout_s)
+
+
+def test_a_seed_goes_along_with_the_question_and_0_is_as_none() -> None:
+    def key(chooser: ModelChooser) -> str:
+        return key_of("toy", chooser.request(seen(), BOTH))
+
+    plain = ModelChooser(always("x"))
+    assert plain.request(seen(), BOTH).seed == 0
+    assert key(plain) == key(ModelChooser(always("x"), seed=0)) != key(ModelChooser(always("x"), seed=3))
 
 
 def test_a_new_episode_starts_without_counts_and_memory() -> None:

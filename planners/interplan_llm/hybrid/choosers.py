@@ -133,11 +133,12 @@ class ModelChooser:
         thoughts: bool = False,
         real_time: bool = False,
         timeout_s: float = 60.0,
+        seed: int = 0,
     ) -> None:
         """`memory` tells the model its last decisions, `thoughts` lets it write before it answers.
 
         `real_time` has an answer take effect when it would have come; else the
-        world waits for it.
+        world waits for it. `seed` goes along with each question.
         """
         check_timeout(timeout_s)
         self.model = model
@@ -145,6 +146,7 @@ class ModelChooser:
         self.thoughts = thoughts
         self.real_time = real_time
         self.timeout_s = timeout_s
+        self.seed = seed
         self.exchanges: list[Exchange] = []
         """Of the episode."""
         self._past: list[tuple[float, Behaviour]] = []
@@ -161,6 +163,7 @@ class ModelChooser:
             vocabulary=tuple(str(behaviour) for behaviour in Behaviour if behaviour not in options),
             constrained=not self.thoughts,
             max_tokens=THOUGHT_TOKENS if self.thoughts else CHOICE_TOKENS,
+            seed=self.seed,
             timeout_s=self.timeout_s,
         )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, ClassVar, Protocol
 
 from interplan_llm.hybrid.behaviour_paths import BehaviourPaths
@@ -14,6 +14,7 @@ from interplan_llm.models.exchanges import Exchange, usage_stats
 from interplan_llm.models.spec import open_model
 from interplan_llm.models.store import Mode
 from interplan_planners.common.pdm import PdmMotion, PdmSettings
+from interplan_sumo.errors import InputError
 from interplan_sumo.planner import Mission, Observation
 from interplan_sumo.world.trajectory import Trajectory
 
@@ -131,7 +132,7 @@ class HybridSettings:
     timeout_s: float = 60.0
     threads: int = 1
     seed: int = 0
-    """The coin's."""
+    """The coin's, or the model's."""
 
 
 class HybridLlmPlanner(HybridPlanner):
@@ -139,7 +140,7 @@ class HybridLlmPlanner(HybridPlanner):
 
     `model` is what docs/language_models.md says: `embedded`, a URL and a
     model's name, recorded answers, ...; or `random` for a coin and `rules` for a
-    few rules in its place.
+    few rules in its place. InputError for options that change nothing then.
     """
 
     paper: ClassVar[str] = "Hallgarten et al. 2024"
@@ -148,20 +149,37 @@ class HybridLlmPlanner(HybridPlanner):
 
     def __init__(self, settings: HybridSettings | None = None) -> None:
         given = settings or HybridSettings()
-        if given.model in ("random", "rules"):
-            chooser = RandomChooser(given.seed) if given.model == "random" else RuleChooser()
-        else:
-            chooser = ModelChooser(
-                open_model(given.model, store=given.store, mode=given.mode, threads=given.threads),
-                memory=given.memory, thoughts=given.thoughts, real_time=given.real_time, timeout_s=given.timeout_s,
-            )  # fmt: skip
-        super().__init__(chooser, given.every_s)
+        super().__init__(_chooser(given), given.every_s)
 
     @property
-    def exchanges(self) -> Sequence[Exchange]:
-        """What was asked in this episode, and answered; nothing where no model is asked."""
-        return self.chooser.exchanges if isinstance(self.chooser, ModelChooser) else ()
+    def exchanges(self) -> Sequence[Exchange] | None:
+        """What was asked in this episode, and answered; None where no model is asked."""
+        return self.chooser.exchanges if isinstance(self.chooser, ModelChooser) else None
 
     def report(self) -> dict[str, Any]:
         """How often a model was asked in this episode, and how often in vain."""
-        return usage_stats(self.exchanges) if isinstance(self.chooser, ModelChooser) else {}
+        return {} if self.exchanges is None else usage_stats(self.exchanges)
+
+
+def _chooser(given: HybridSettings) -> BehaviourChooser:
+    match given.model:
+        case "random":
+            _refuse_idle(given, "seed")
+            return RandomChooser(given.seed)
+        case "rules":
+            _refuse_idle(given)
+            return RuleChooser()
+        case model:
+            return ModelChooser(
+                open_model(model, store=given.store, mode=given.mode, threads=given.threads),
+                memory=given.memory, thoughts=given.thoughts, real_time=given.real_time, timeout_s=given.timeout_s,
+                seed=given.seed,
+            )  # fmt: skip
+
+
+def _refuse_idle(given: HybridSettings, *used: str) -> None:
+    """InputError for options that are for a language model, where none is asked."""
+    options = [each for each in fields(given) if each.name not in ("model", "every_s", *used)]
+    idle = [each.name for each in options if getattr(given, each.name) != each.default]
+    if idle:
+        raise InputError(f"model={given.model} is no language model, so leave {', '.join(idle)} away")
