@@ -26,7 +26,7 @@ from interplan_sumo.batch.records import Row
 from interplan_sumo.batch.run_folder import StoredRun, read_run
 from interplan_sumo.batch.score_job import rescore
 from interplan_sumo.batch.stored_drive import StoredDrive, StoredDrives
-from interplan_sumo.errors import InputError
+from interplan_sumo.errors import InputError, clean_line
 from interplan_sumo.maps.store import copy_map, load_roads
 from interplan_sumo.metrics.metric import informative_metrics
 from interplan_sumo.metrics.profile import DEFAULT_PROFILE
@@ -55,7 +55,7 @@ def run(
     planner: PlannerLike | Sequence[PlannerLike] | Mapping[str, PlannerLike],
     suite: str | None = None,
     *,
-    scenarios: ScenarioLike | Sequence[ScenarioLike] = (),
+    scenarios: ScenarioLike | Sequence[ScenarioLike] | None = None,
     progress: bool | RunProgress | None = None,
     **options: Any,
 ) -> pd.DataFrame:
@@ -231,16 +231,23 @@ def replay(drives: StoredDrive | Sequence[StoredDrive], path: str | PathLike[str
 # --- what users give -----------------------------------------------------------------------------
 
 
-def _chosen(suite: str | None, given: ScenarioLike | Sequence[ScenarioLike]) -> tuple[str | None, tuple[str, ...]]:
+def _chosen(
+    suite: str | None, given: ScenarioLike | Sequence[ScenarioLike] | None
+) -> tuple[str | None, tuple[str, ...]]:
     """Suite and scenarios as a request has them.
 
     Objects that a suite holds unchanged are run as its own; others are written
     to a file, with the maps that came along with them.
     """
-    wanted = (given,) if isinstance(given, str | PathLike | Scenario) else tuple(given)
+    several = isinstance(given, Iterable) and not isinstance(given, str | PathLike)
+    wanted: tuple[Any, ...] = () if given is None else tuple(given) if several else (given,)
+    for each in wanted:
+        if not isinstance(each, str | PathLike | Scenario):
+            told = clean_line(repr(each), 80)
+            raise InputError(f"scenarios holds {told}; give ids, globs, YAML files or Scenario objects")
     objects = [each for each in wanted if isinstance(each, Scenario)]
     if not objects:
-        return suite, tuple(fspath(each) for each in wanted if not isinstance(each, Scenario))
+        return suite, tuple(map(fspath, wanted))
     if len(objects) < len(wanted):
         raise InputError("scenarios holds ids and Scenario objects; give one kind, load_scenario(id) makes an object")
     hashes = {each.id: each.hash() for each in objects}
@@ -344,6 +351,9 @@ def _watching(progress: bool | RunProgress | None) -> contextlib.AbstractContext
         progress = sys.stderr.isatty()
     if isinstance(progress, bool):
         return shown_progress(quiet=not progress)
+    if not all(callable(getattr(progress, method, None)) for method in ("begin", "finished")):
+        told = clean_line(repr(progress), 80)
+        raise InputError(f"progress is {told}; give True, False, None, or an object with begin() and finished()")
     return contextlib.nullcontext(progress)
 
 

@@ -175,6 +175,10 @@ def load_planner(spec: str) -> Planner:
     Values are read as YAML (`2`, `0.5`, `true`, text, `[1, 2]`) and held against the constructor's annotations,
     `Annotated[float, msgspec.Meta(gt=0)]` included. Raises UnknownNameError or PlannerLoadError with the way out.
     """
+    if not isinstance(spec, str):
+        raise PlannerLoadError(
+            f"load_planner takes a name, such as 'idm' or 'mine:Class', and no {type(spec).__name__}"
+        )
     name, query = split_spec(spec)
     make = _factory(name)
     options = options_of(name, make, query)

@@ -155,6 +155,12 @@ def test_a_script_without_a_main_guard_may_use_workers(tmp_path: Path) -> None:
     assert not Path(folder).exists(), "the temporary folder goes when Python ends"
 
 
+def test_no_scenarios_are_all_of_the_suite_however_that_is_said() -> None:
+    from interplan_sumo.api import _chosen
+
+    assert _chosen("smoke==1", None) == _chosen("smoke==1", ()) == ("smoke==1", ())
+
+
 def test_an_unchanged_official_scenario_is_official_and_a_changed_one_is_not() -> None:
     from interplan_sumo.api import _chosen
 
@@ -178,6 +184,10 @@ def test_an_unchanged_official_scenario_is_official_and_a_changed_one_is_not() -
         (lambda: ips.run("idm", density="huge"), UnknownNameError, "density"),  # type: ignore[arg-type]
         (lambda: ips.run(lambda: 3, scenarios=MINE, workers=0), PlannerLoadError, "needs start"),  # type: ignore[arg-type,return-value]
         (lambda: ips.run([Creeping(), Creeping()]), ips.InputError, "two planners are called 'Creeping'"),
+        (lambda: ips.run("idm", "smoke==1", progress="x"), ips.InputError, "progress is 'x'; give True, F"),  # type: ignore[arg-type]
+        (lambda: ips.run("idm", scenarios=[3]), ips.InputError, "scenarios holds 3; give ids"),  # type: ignore[list-item]
+        (lambda: ips.run("idm", scenarios=3), ips.InputError, "scenarios holds 3; give ids"),  # type: ignore[arg-type]
+        (lambda: ips.load_planner(Creeping), PlannerLoadError, "takes a name, such as 'idm' .*, and no type"),  # type: ignore[arg-type]
         (lambda: ips.load_run("nowhere"), RunFolderError, "is not a run folder"),
         (lambda: ips.load_scenario("nudge/99"), UnknownNameError, "scenario"),
         (lambda: ips.scenarios("interplan"), UnknownNameError, "Did you mean 'interplan==1'"),
