@@ -14,6 +14,7 @@ from benchmarks.rate_coverage import ToyWorld, driven
 from interplan_sumo.endurance.drawings import axis_top, event_maps, rate_drawings, width_drawing
 from interplan_sumo.endurance.formats import endurance_json, endurance_text, report_notes, report_tables
 from interplan_sumo.endurance.page import endurance_page, write_endurance_report
+from interplan_sumo.endurance.plot import planner_look
 from interplan_sumo.endurance.records import SegmentRecord, TrafficCell
 from interplan_sumo.endurance.report import EnduranceReport, endurance_report
 from interplan_sumo.errors import InputError
@@ -138,6 +139,10 @@ def test_little_driving_has_a_page_without_pictures_of_what_is_not_known() -> No
 )
 def test_axes_end_at_a_round_number(values: list[float], top: float) -> None:
     assert axis_top(values) == pytest.approx(top)
+
+
+def test_no_two_of_many_planners_look_alike_in_the_figure() -> None:
+    assert len({tuple(planner_look(number).values()) for number in range(24)}) == 24
 
 
 def test_page_and_figure_are_written_or_refused_in_a_line(report: EnduranceReport, tmp_path: Path) -> None:
