@@ -170,10 +170,12 @@ def _first_exchange(scenario: Scenario, spec: str, planner: Planner, at_s: float
 
     asker = cast(Asking, planner)
     try:
-        run_until(scenario, Guarded(), lambda: bool(asker.exchanges and asker.exchanges[-1].time_s >= at_s), seed=seed)
+        asked_s = run_until(
+            scenario, Guarded(), lambda: bool(asker.exchanges and asker.exchanges[-1].time_s >= at_s), seed=seed
+        )
     except PlannerError as error:
         raise InputError(f"planner {spec!r} failed in {scenario.id}: {clean_line(str(error))}") from error
-    if not asker.exchanges or asker.exchanges[-1].time_s < at_s:
+    if asked_s is None:
         raise InputError(
             f"{scenario.id}: nothing is asked from {at_s:g} s on; give another scenario, or an earlier --at"
         )

@@ -14,7 +14,7 @@ from interplan_sumo.families import find_family
 from interplan_sumo.metrics.metric import failure_words
 from interplan_sumo.metrics.score import points_lost
 from interplan_sumo.report.failure_reasons import LEAST_LOSS
-from interplan_sumo.report.table import Line
+from interplan_sumo.report.table import DriveRows, Line
 
 TOLD: Final = 3
 LEAST_COLUMN: Final = 1.0
@@ -45,11 +45,11 @@ def costs(line: Line) -> list[Cost]:
     """
     found: dict[str, Cost] = {}
     rare = {each for family, ids in line.families.items() if not find_family(family).ordinary for each in ids}
-    counted_rows = [row for row in line.rows if not rare or row.scenario_id in rare]
-    for row in counted_rows:
+    rows = DriveRows([place for place in line.rows.places if not rare or place[1][0] in rare])
+    for row in rows:
         for reason, points in _lost(row).items():
             cost = found.setdefault(reason, Cost(reason, f"{reason} fault" if row.fault else failure_words(reason)))
-            cost.points += points / len(counted_rows)
+            cost.points += points / len(rows)
             cost.drives += 1
             if points > cost.worst_points:
                 cost.worst, cost.worst_points = row.key, points

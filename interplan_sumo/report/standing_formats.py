@@ -105,9 +105,8 @@ def alike_note(held: Standing, labels: Sequence[str]) -> list[str]:
     if len(held.drives) < 2:
         return []
     if held.best is None:
-        told = "; ".join(f"{labels[line]} {counted(count, 'drive')}" for line, count in [*held.drives.items()][:NAMED])
-        more = f" and {len(held.drives) - NAMED} more" if len(held.drives) > NAMED else ""
-        return [f"No best: the lines have not driven the same ({told}{more}); `compare` takes what two of them share."]
+        told = _named([f"{labels[line]} {counted(count, 'drive')}" for line, count in held.drives.items()])
+        return [f"No best: the lines have not driven the same ({told}); `compare` takes what two of them share."]
     best = labels[held.best]
     how = f"(paired bootstrap over scenarios, Holm over {len(held.contrasts)} pair{'s' * (len(held.contrasts) != 1)})"
     if not held.contrasts:
@@ -122,5 +121,9 @@ def alike_note(held: Standing, labels: Sequence[str]) -> list[str]:
     names = [labels[line] for line in held.alike]
     if len(names) > 1 and not held.behind:
         return [f"Best: {best}. None of the other {len(names)} lines can be told apart from it {how}."]
+    return [f"Best: {best}. Not to be told apart from it {how}: {_named(names)}."]
+
+
+def _named(names: Sequence[str]) -> str:
     more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
-    return [f"Best: {best}. Not to be told apart from it {how}: {'; '.join(names[:NAMED])}{more}."]
+    return f"{'; '.join(names[:NAMED])}{more}"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Final
@@ -16,7 +15,7 @@ from interplan_sumo.planner_source import PlannerSource
 from interplan_sumo.simulation.traffic import TRAFFIC_VERSION
 from interplan_sumo.verification.generation import SCENARIOS
 from interplan_sumo.verification.hard_search import HardOptions
-from interplan_sumo.world.files import OTHER_FOLDER, file_hash, replacing, writing
+from interplan_sumo.world.files import OTHER_FOLDER, replacing, writing
 
 ASKED: Final = "search.json"
 
@@ -45,7 +44,7 @@ class HardAsked(msgspec.Struct, frozen=True):
         return cls(
             {each.family: each.count for each in every},
             {name: PlannerSource.of(name).hash[:12] for name in first.panel},
-            {files.name: _files_hash(files.folder) for files in maps},
+            {files.name: files.hash()[:12] for files in maps},
             first.seed.tag, first.least_difficulty, first.least_plausibility, first.most_judged,
         )  # fmt: skip
 
@@ -74,11 +73,6 @@ class HardAsked(msgspec.Struct, frozen=True):
             folder.mkdir(parents=True, exist_ok=True)
             with replacing(folder / ASKED) as fresh:
                 fresh.write_bytes(msgspec.json.format(msgspec.json.encode(self), indent=1) + b"\n")
-
-
-def _files_hash(folder: Path) -> str:
-    lines = [f"{each.name} {file_hash(each)}\n" for each in sorted(folder.iterdir()) if each.is_file()]
-    return hashlib.sha256("".join(lines).encode()).hexdigest()[:12]
 
 
 def _words(value: object) -> str:
