@@ -121,8 +121,8 @@ def _suite(
         found = "taken" if verdict.taken else f"{verdict.stage}: {verdict.scenario}: {verdict.reason}"
         print(f"{candidate.slot.name}, try {candidate.attempt + 1}, {candidate.block}: {found}", file=sys.stderr)
 
+    kept_back = None if secret is None else kept_back_by(secret, out)
     search.run(lambda candidates: verdicts(candidates, out / CANDIDATES, workers=workers), tell)
-    kept_back = None if secret is None else secret.with_name(f"{secret.name}.certificates.parquet")
     folders = write_suites(search, out, kept_back=kept_back)
     scenes = sum(len(slot.families) for slot in search.filled)
     missing = [slot.name for slot in search.missing]
@@ -161,3 +161,13 @@ def secret_of(path: Path) -> bytes:
     if len(text.strip()) < 16:
         raise InputError(f"{path} holds {len(text.strip())} characters, expected 16 or more, so that nobody guesses it")
     return text
+
+
+def kept_back_by(secret: Path, out: Path) -> Path:
+    """Where certificates of a secret seed go; InputError if there are some of scenes elsewhere than in `out`."""
+    path = secret.with_name(f"{secret.name}.certificates.parquet")
+    if path.exists() and not any(out.glob("**/scenarios.yaml")):
+        raise InputError(
+            f"{path} holds the certificates of scenes that are not in {out}; give another file as --secret-seed"
+        )
+    return path

@@ -66,7 +66,7 @@ def harden(
     take_one_thread()
     from interplan_sumo.batch.hard_job import hard_verdicts
     from interplan_sumo.batch.processes import Workers
-    from interplan_sumo.cli.generate import secret_of
+    from interplan_sumo.cli.generate import kept_back_by, secret_of
     from interplan_sumo.families import FAMILIES
     from interplan_sumo.maps.store import find_map, maps
     from interplan_sumo.planner import find_planner
@@ -93,6 +93,7 @@ def harden(
     places = [find_map(name) for name in map or maps()]
     asked = HardAsked.of(every, places)
     asked.check(out)
+    kept_back = None if secret_seed is None else kept_back_by(secret_seed, out)
     roads, maps_beside = _carried(places, out)
     searches: list[HardSearch] = []
 
@@ -104,7 +105,6 @@ def harden(
         search = HardSearch.of(roads, replace(options, maps_beside=maps_beside))
         search.run(lambda candidates: hard_verdicts(candidates, out / CANDIDATES, who), tell)
         searches.append(search)
-    kept_back = None if secret_seed is None else secret_seed.with_name(f"{secret_seed.name}.certificates.parquet")
     asked.write(out)
     write_hard(searches, out, kept_back=kept_back)
     _print(searches, out, kept_back, as_json=as_json)

@@ -16,7 +16,6 @@ from interplan_sumo.endurance.report import EnduranceReport, MappedEvent
 from interplan_sumo.errors import InputError
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.report.page.curves import (
-    COLOURS,
     HIGH,
     LEFT,
     WIDE,
@@ -29,6 +28,7 @@ from interplan_sumo.report.page.curves import (
     line_through,
     place_along,
 )
+from interplan_sumo.report.page.html import COLOURS
 from interplan_sumo.world.geometry import Floats
 
 DETAIL_M: Final = 2.0
@@ -55,7 +55,7 @@ class EventMap:
 
 
 def planner_colours(report: EnduranceReport) -> dict[str, int]:
-    """By planner; there are six."""
+    """By planner; see COLOURS."""
     return {each.planner: number % COLOURS for number, each in enumerate(report.rates.planners)}
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
-import sys
+import re
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -63,9 +63,9 @@ def write_page(
 
 
 def print_json(document: object) -> None:
-    """One document; refuses numbers that JSON does not have."""
-    json.dump(document, sys.stdout, indent=2, ensure_ascii=False, allow_nan=False)
-    print()
+    """One document; refuses numbers that JSON does not have, escapes what no terminal and no UTF-8 takes as text."""
+    text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
+    print(re.sub("[\x7f-\x9f\ud800-\udfff]", lambda found: f"\\u{ord(found[0]):04x}", text))
 
 
 def print_entries(entries: Sequence[dict[str, Any]], *, as_json: bool, hide: Sequence[str] = ()) -> None:

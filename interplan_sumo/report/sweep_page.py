@@ -8,7 +8,6 @@ from typing import Final
 
 from interplan_sumo.batch.sweep import Parameter
 from interplan_sumo.report.page.curves import (
-    COLOURS,
     HIGH,
     LEFT,
     WIDE,
@@ -21,7 +20,7 @@ from interplan_sumo.report.page.curves import (
     line_through,
     place_along,
 )
-from interplan_sumo.report.page.html import html, style_of
+from interplan_sumo.report.page.html import COLOURS, html, style_of
 from interplan_sumo.report.sweep_formats import change_text, mean_text, sweep_columns, sweep_notes, sweep_rows
 from interplan_sumo.report.sweep_lines import SweepLine, reference_setting
 from interplan_sumo.report.sweep_plot import SCALE, along_axis, drawn_measures, ordered_values

@@ -11,6 +11,7 @@ import pytest
 from interplan_sumo.report.page.document import page
 from interplan_sumo.report.page.drives import shown_drives
 from interplan_sumo.report.page.figures import band
+from interplan_sumo.report.page.html import COLOURS, style_of
 from interplan_sumo.report.table import make_table
 from interplan_sumo.scenario.suite import find_scenario
 from tests.report.rows import drive, stored
@@ -112,6 +113,17 @@ def test_a_cell_of_the_matrix_shows_the_mean_over_seeds_and_leads_to_the_worst_o
 )  # fmt: skip
 def test_a_score_has_the_colour_of_its_band_and_what_is_shown_alike_has_one(score: float | None, expected: str) -> None:
     assert band(score) == expected
+
+
+def test_each_planner_of_a_dozen_has_its_own_colour_on_light_and_dark_pages() -> None:
+    style = style_of("page.css")
+    for scheme in style.split("@media (prefers-color-scheme: dark)"):
+        hues = [re.findall(rf"--h{number}: (#[0-9a-f]{{6}});", scheme) for number in range(COLOURS)]
+        assert all(len(found) == 1 for found in hues)
+        assert len({found[0] for found in hues}) == COLOURS >= 12
+    for number in range(COLOURS):
+        assert f".h{number} {{ background: var(--h{number}); fill: var(--h{number}); }}" in style
+        assert f".l{number} {{ stroke: var(--h{number}); }}" in style
 
 
 def test_a_family_is_folded_under_the_mean_of_each_planner_and_says_what_it_asks() -> None:

@@ -159,6 +159,25 @@ def test_of_a_secret_seed_the_certificates_lie_elsewhere(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize(
+    "asked",
+    [("harden", "--family", "nudge", "--against", "idm"), ("generate", "--suite", "interplan==1")],
+    ids=lambda asked: asked[0],
+)
+def test_certificates_kept_back_of_one_search_are_not_overwritten_by_another(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, asked: tuple[str, ...]
+) -> None:
+    secret, kept = tmp_path / "secret.txt", tmp_path / "secret.txt.certificates.parquet"
+    secret.write_text("nobody has ever seen this", encoding="utf-8")
+    kept.write_bytes(b"hours of work")
+    code, _, err = ran(
+        capsys, "scenarios", *asked, "--map", "strip", "--secret-seed", secret, "--out", tmp_path / "new"
+    )
+    assert code == 2
+    assert f"{kept} holds the certificates of scenes that are not in {tmp_path / 'new'}; give another file" in err
+    assert kept.read_bytes() == b"hours of work"
+
+
+@pytest.mark.parametrize(
     ("wrong", "said"),
     [
         ({"panel": ()}, "--against"),

@@ -14,8 +14,6 @@ MARGIN: Final = 26.0
 """Between the ends of the axis along and what is drawn at them."""
 APART: Final = 9.0
 """Between planners at one place."""
-COLOURS: Final = 6
-"""Lines that the style of the pages has a colour for."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,9 +6,13 @@ import hashlib
 from base64 import b64encode
 from functools import cache
 from importlib.resources import files
+from typing import Final
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
+
+COLOURS: Final = 12
+"""Planners that page.css has a colour for; more than so many share them."""
 
 
 def html(template: str, *, style: str, script: str, connects: bool = False, **fields: object) -> str:
@@ -31,7 +35,7 @@ def style_of(*names: str) -> str:
 
 @cache
 def _templates() -> Environment:
-    return Environment(
+    made = Environment(
         loader=PackageLoader(__package__ or ""),
         autoescape=True,
         undefined=StrictUndefined,
@@ -39,6 +43,8 @@ def _templates() -> Environment:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
+    made.globals["COLOURS"] = COLOURS
+    return made
 
 
 def _digest(text: str) -> str:
