@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from math import ceil, floor, log10
+from math import asinh, ceil, floor, log10
 from typing import Final
 
 import numpy as np
@@ -64,16 +64,16 @@ def rate_drawings(report: EnduranceReport) -> list[CurvePanel]:
     cells = [each for each in report.rates.cells if each.cell is not None and each.measures]
     panels = dict.fromkeys((each.cell.map, each.cell.drivers) for each in cells if each.cell)
     densities = sorted({each.cell.density for each in cells if each.cell})
-    top = axis_top([highest_rate(each, report) for each in cells])
+    axis = RateAxis.of(cells, report)
     found: list[CurvePanel] = []
     for map_name, drivers in panels:
         own = [each for each in cells if each.cell and (each.cell.map, each.cell.drivers) == (map_name, drivers)]
         found.append(
             CurvePanel(
                 title=f"{drivers}, {map_name}",
-                planners=tuple(_drawn(name, own, densities, top, report) for name in dict.fromkeys(_names(own))),
+                planners=tuple(_drawn(name, own, densities, axis, report) for name in dict.fromkeys(_names(own))),
                 along=tuple((place_along(n, len(densities)), f"{value:g}") for n, value in enumerate(densities)),
-                upwards=_ticks(top),
+                upwards=tuple((axis.y(rate), number_text(rate)) for rate in axis.marked),
                 axis="density, of saturation",
                 about="; ".join(
                     f"{each.label}: {number_text(each.measures[report.measure].total.per_1000_km)}" for each in own
@@ -87,7 +87,7 @@ def _names(cells: Iterable[DrivenRates]) -> list[str]:
     return [each.planner for each in cells]
 
 
-def highest_rate(driven: DrivenRates, report: EnduranceReport) -> float:
+def _highest(driven: DrivenRates, report: EnduranceReport) -> float:
     """What has to fit: an interval, but no more than four times the rate."""
     rate = driven.measures[report.measure].total
     high = rate.per_1000_km if rate.interval is None else min(rate.interval[1], 4.0 * rate.per_1000_km)
@@ -96,7 +96,7 @@ def highest_rate(driven: DrivenRates, report: EnduranceReport) -> float:
 
 
 def _drawn(
-    name: str, cells: Sequence[DrivenRates], densities: Sequence[float], top: float, report: EnduranceReport
+    name: str, cells: Sequence[DrivenRates], densities: Sequence[float], axis: RateAxis, report: EnduranceReport
 ) -> PlannerCurve:
     planners = list(planner_colours(report))
     beside = aside(planners.index(name), len(planners))
@@ -108,21 +108,42 @@ def _drawn(
         rate = each.measures[report.measure].total
         bar = ""
         if rate.interval is not None:
-            bar = bar_between(x, *(_y(bound, top) for bound in rate.interval))
+            bar = bar_between(x, *map(axis.y, rate.interval))
         said = f"({rate.events} events)" if rate.interval is None else range_text(rate.interval)
         title = f"{each.label}: {number_text(rate.per_1000_km)} {said}"
-        marks.append(CurveMark(round(x, 1), round(_y(rate.per_1000_km, top), 1), bar, not bar, title))
+        marks.append(CurveMark(round(x, 1), round(axis.y(rate.per_1000_km), 1), bar, not bar, title))
         fitted = report.regression.fitted.get((name, cell))
         if fitted is not None:
             centre, (low, high) = fitted
-            line.append((x, _y(centre, top), _y(low, top), _y(high, top)))
+            line.append((x, axis.y(centre), axis.y(low), axis.y(high)))
     path = line_through([(x, y) for x, y, _, _ in line])
     band = line_through([*((x, low) for x, _, low, _ in line), *((x, high) for x, _, _, high in line[::-1])])
     return PlannerCurve(name, planner_colours(report)[name], path, band, tuple(marks))
 
 
-def _y(value: float, top: float) -> float:
-    return height(value, 0.0, top)
+@dataclass(frozen=True, slots=True)
+class RateAxis:
+    """Rates differ by powers of ten, and some are 0: even up to about `least`, logarithmic beyond it, up to `top`."""
+
+    least: float
+    top: float
+
+    @classmethod
+    def of(cls, cells: Sequence[DrivenRates], report: EnduranceReport) -> RateAxis:
+        """From the power of ten below all rates that are not 0, 1 at least, to a round number above all."""
+        rates = [each.measures[report.measure].total.per_1000_km for each in cells]
+        lowest = min((rate for rate in rates if rate > 0.0), default=1.0)
+        return cls(10.0 ** max(floor(log10(lowest)), 0), axis_top(_highest(each, report) for each in cells))
+
+    def y(self, rate: float) -> float:
+        """Of a rate in a panel."""
+        return height(asinh(rate / self.least), 0.0, asinh(self.top / self.least))
+
+    @property
+    def marked(self) -> list[float]:
+        """The rates that have a mark: 0 and the powers of ten, or quarters where there is hardly one."""
+        decades = [self.least * 10.0**n for n in range(floor(log10(self.top / self.least)) + 1)]
+        return [0.0, *decades] if len(decades) > 1 else [self.top * n / 4.0 for n in range(5)]
 
 
 def axis_top(values: Iterable[float]) -> float:
@@ -130,10 +151,6 @@ def axis_top(values: Iterable[float]) -> float:
     highest = max([0.0, *values]) or 1.0
     size = 10.0 ** floor(log10(highest / 4.0))
     return 4.0 * next(step * size for step in (1.0, 2.0, 2.5, 5.0, 10.0) if 4.0 * step * size >= highest)
-
-
-def _ticks(top: float) -> tuple[tuple[float, str], ...]:
-    return tuple((_y(top * n / 4.0, top), number_text(top * n / 4.0)) for n in range(5))
 
 
 def width_drawing(report: EnduranceReport) -> CurvePanel | None:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from math import ceil, floor, log10
 from pathlib import Path
 from typing import Any, Final
 
-from interplan_sumo.endurance.drawings import axis_top, highest_rate
+from interplan_sumo.endurance.drawings import RateAxis
 from interplan_sumo.endurance.rate_sample import MEASURES
 from interplan_sumo.endurance.rates import DrivenRates
 from interplan_sumo.endurance.report import EnduranceReport
@@ -42,16 +41,16 @@ def plot_endurance(report: EnduranceReport, path: Path) -> None:
     FigureCanvasAgg(figure)
     grid: Any = figure.subplots(down, across, squeeze=False)
     looks = {each.planner: planner_look(number) for number, each in enumerate(report.rates.planners)}
-    top = axis_top(highest_rate(each, report) for each in cells)
-    least = _least_decade(each.measures[report.measure].total.per_1000_km for each in cells)
+    axis = RateAxis.of(cells, report)
     for axes, (map_name, drivers) in zip(grid.flat, panels, strict=False):
         own = [each for each in cells if each.cell and (each.cell.map, each.cell.drivers) == (map_name, drivers)]
         _rates(axes, own, report, looks)
         axes.set_title(f"{drivers}, {map_name}", fontsize=9, color=INK)
-        axes.set_yscale("symlog", linthresh=least)  # planners differ by powers of ten, and some have none
+        axes.set_yscale("asinh", linear_width=axis.least)
         axes.yaxis.set_major_formatter(FuncFormatter(lambda rate, _: f"{rate:,.0f}"))
+        axes.set_yticks(axis.marked)
         axes.yaxis.set_minor_locator(NullLocator())
-        axes.set_ylim(-0.05 * least, top)
+        axes.set_ylim(-0.05 * axis.least, axis.top)
     _widths(grid.flat[len(panels)], report, looks)
     for axes in grid.flat[count:]:
         axes.set_axis_off()
@@ -106,11 +105,6 @@ def _rates(axes: Any, cells: list[DrivenRates], report: EnduranceReport, looks: 
     axes.set_xlim(-0.5, len(densities) - 0.5)
     axes.set_xlabel("density, of saturation", fontsize=9, color=INK)
     axes.set_ylabel(f"{MEASURES[report.measure]}\nper 1000 km", fontsize=9, color=INK)
-
-
-def _least_decade(rates: Iterable[float]) -> float:
-    """The power of ten below all rates that are not 0; 1 at least."""
-    return 10.0 ** max(floor(log10(min((each for each in rates if each > 0.0), default=1.0))), 0)
 
 
 def _decades(report: EnduranceReport) -> tuple[float, float]:

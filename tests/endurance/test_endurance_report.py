@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from html.parser import HTMLParser
+from itertools import pairwise
 from pathlib import Path
 
 import msgspec
@@ -11,13 +12,14 @@ import numpy as np
 import pytest
 
 from benchmarks.rate_coverage import ToyWorld, driven
-from interplan_sumo.endurance.drawings import axis_top, event_maps, rate_drawings, width_drawing
+from interplan_sumo.endurance.drawings import RateAxis, axis_top, event_maps, rate_drawings, width_drawing
 from interplan_sumo.endurance.formats import endurance_json, endurance_text, report_notes, report_tables
 from interplan_sumo.endurance.page import endurance_page, write_endurance_report
 from interplan_sumo.endurance.plot import planner_look
 from interplan_sumo.endurance.records import SegmentRecord, TrafficCell
 from interplan_sumo.endurance.report import EnduranceReport, endurance_report
 from interplan_sumo.errors import InputError
+from interplan_sumo.report.page.curves import HIGH
 from interplan_sumo.report.printing import console
 
 EVIL = "<script>alert(1)</script>"
@@ -139,6 +141,15 @@ def test_little_driving_has_a_page_without_pictures_of_what_is_not_known() -> No
 )
 def test_axes_end_at_a_round_number(values: list[float], top: float) -> None:
     assert axis_top(values) == pytest.approx(top)
+
+
+def test_rates_that_differ_by_powers_of_ten_can_be_told_apart_on_one_axis_and_0_has_a_place() -> None:
+    axis = RateAxis(10.0, 4000.0)
+    assert axis.marked == [0.0, 10.0, 100.0, 1000.0]
+    bottom, *heights, top = map(axis.y, (0.0, 10.0, 100.0, 1000.0, 4000.0))
+    assert (bottom, top) == (HIGH, 0.0)
+    assert all(below - above > 0.1 * HIGH for below, above in pairwise((bottom, *heights)))
+    assert RateAxis(1.0, 8.0).marked == [0.0, 2.0, 4.0, 6.0, 8.0]
 
 
 def test_no_two_of_many_planners_look_alike_in_the_figure() -> None:
