@@ -106,6 +106,22 @@ def test_a_jump_is_told_with_place_and_size() -> None:
     assert refused(plan(x_m=x_m)) == "the plan jumps 31.00 m from 7.50 to 7.60 s, that is 310 m/s (at most 60)"
 
 
+@pytest.mark.parametrize("towards_rad", np.linspace(0.0, 2.0 * np.pi, 9))
+@pytest.mark.parametrize("step_s", [0.1, 0.07])
+def test_a_race_is_one_into_whatever_direction_and_at_whatever_pace_the_plan_is_told(
+    towards_rad: float, step_s: float
+) -> None:
+    time_s = 3.5 + step_s * np.arange(60, dtype=np.float64)
+    for speed, fine in ((59.9, True), (60.1, False)):
+        gone = speed * (time_s - 3.5)
+        x_m, y_m = 100.0 + gone * np.cos(towards_rad), 50.0 + gone * np.sin(towards_rad)
+        racing = Trajectory(time_s, x_m, y_m, np.full_like(time_s, towards_rad))
+        if fine:
+            check_plan(racing, EGO, EGO.time_s)
+        else:
+            assert "that is 60.1 m/s (at most 60)" in refused(racing)
+
+
 @pytest.mark.parametrize(("off_m", "fine"), [(5.9, True), (6.1, False), (1e100, False), (-1e300, False)])
 def test_a_spike_between_samples_is_a_jump(off_m: float, fine: bool) -> None:
     time_s = 3.5 + 0.05 * np.arange(81, dtype=np.float64)
