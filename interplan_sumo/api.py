@@ -5,7 +5,7 @@ from __future__ import annotations
 import atexit
 import contextlib
 import functools
-import re
+import glob
 import shutil
 import sys
 import tempfile
@@ -253,17 +253,12 @@ def _chosen(
     hashes = {each.id: each.hash() for each in objects}
     for key, held in suites().items():
         if suite in (None, key) and hashes.items() <= {each.id: each.hash() for each in held.scenarios}.items():
-            return key, tuple(_literally(name) for name in hashes)
+            return key, tuple(map(glob.escape, hashes))
     file = _temporary_folder() / "scenarios.yaml"
     for files in own_maps(objects):
         copy_map(files, file.parent / MAPS)
     write_scenarios(objects, file)
     return suite, (str(file),)
-
-
-def _literally(scenario_id: str) -> str:
-    """A glob that matches this id only."""
-    return re.sub(r"([*?\[])", r"[\1]", scenario_id)
 
 
 def _stored(given: RunLike) -> StoredRun:
