@@ -20,7 +20,7 @@ import pandas as pd
 
 from interplan_sumo.batch import run as batch
 from interplan_sumo.batch.given_planners import PlannerLike, named_planners
-from interplan_sumo.batch.jobs import own_maps, scenario_file
+from interplan_sumo.batch.jobs import own_maps, scenario_file, scenario_named
 from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.batch.records import Row
 from interplan_sumo.batch.run_folder import StoredRun, read_run
@@ -36,9 +36,9 @@ from interplan_sumo.report.compare import Comparison, RunComparison, compare_run
 from interplan_sumo.report.failure_reasons import lost_points
 from interplan_sumo.report.printing import progress as shown_progress
 from interplan_sumo.report.table import make_table
-from interplan_sumo.scenario.files import MAPS, read_scenario, read_scenarios, write_scenarios
+from interplan_sumo.scenario.files import MAPS, read_scenarios, write_scenarios
 from interplan_sumo.scenario.scenario import Scenario
-from interplan_sumo.scenario.suite import DEFAULT_SUITE, expert, find_scenario, find_suite, suites
+from interplan_sumo.scenario.suite import DEFAULT_SUITE, expert, find_suite, suites
 from interplan_sumo.world.roads import Roads
 from interplan_sumo.world.trace import EgoTrack, Trace
 
@@ -215,9 +215,7 @@ def scenarios(suite: str | PathLike[str] = DEFAULT_SUITE) -> tuple[Scenario, ...
 
 def load_scenario(scenario: str | PathLike[str]) -> Scenario:
     """An official scenario by its id, such as `nudge/3`, or the one of a YAML file."""
-    name = fspath(scenario)
-    file = scenario_file(name)
-    return find_scenario(name) if file is None else read_scenario(file)
+    return scenario_named(fspath(scenario))
 
 
 def replay(drives: StoredDrive | Sequence[StoredDrive], path: str | PathLike[str]) -> Path:

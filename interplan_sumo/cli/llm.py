@@ -72,10 +72,8 @@ def try_model(
     as_json: JsonOption = False,
 ) -> int:
     """Ask for one decision in a scenario: the prompt, the options, the answer and what it cost."""
-    from interplan_sumo.batch.jobs import scenario_file
+    from interplan_sumo.batch.jobs import scenario_named
     from interplan_sumo.planner import load_planner
-    from interplan_sumo.scenario.files import read_scenario
-    from interplan_sumo.scenario.suite import find_scenario
 
     spec = planner if model is None else f"{planner}{'&' if '?' in planner else '?'}model={quote(model, safe=SAFE)}"
     asking = load_planner(spec)
@@ -83,8 +81,7 @@ def try_model(
         raise InputError(
             f"planner {spec!r} asks no language model; give llm_hybrid or llm_waypoints, and a language model"
         )
-    file = scenario_file(scenario)
-    found = find_scenario(scenario) if file is None else read_scenario(file)
+    found = scenario_named(scenario)
     exchange = _first_exchange(found, spec, asking, at, seed)
     if as_json:
         print_json({"scenario": found.id, "planner": spec, **exchange})
