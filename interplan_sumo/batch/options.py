@@ -26,7 +26,7 @@ def _about(help: str, **about: Any) -> dict[str, Any]:
     """Metadata of a field. `about` may hold
 
     `flag`: its option on the command line, if it is not called as the field is;
-    `metavar`, `completes`: what stands there for the value, and the function of `cli.options` that completes it;
+    `metavar`, `completes`: what stands there for the value, and the function of `cli.completion` that completes it;
     `least`, `most`, `choices`: what the value may be;
     `setting`: whether it changes the scenarios and is given as `--set KEY=VALUE`;
     `scene`: whether it says what is driven and scored, and not how a run goes about it.
