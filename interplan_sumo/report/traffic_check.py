@@ -132,12 +132,10 @@ def check_tables(check: TrafficCheck) -> Iterable[Table | str]:
 def plot_check(check: TrafficCheck, path: Path) -> None:
     """Speed and gap over time, a row per situation; InputError without matplotlib, or where it cannot be written."""
     need_matplotlib()
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     shown = [each for each in SITUATIONS if any(each.name in one.answers for one in check.types)]
     figure = Figure(figsize=(11, 2.4 * len(shown)), layout="constrained")
-    FigureCanvasAgg(figure)
     axes: Any = figure.subplots(len(shown), 2, squeeze=False, sharex=True)
     for (speeds, gaps), situation in zip(axes, shown, strict=True):
         for number, each in enumerate(check.types):
