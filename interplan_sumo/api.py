@@ -22,7 +22,6 @@ from interplan_sumo.batch import run as batch
 from interplan_sumo.batch.given_planners import PlannerLike, named_planners
 from interplan_sumo.batch.jobs import own_maps, scenario_file, scenario_named
 from interplan_sumo.batch.options import RunOptions
-from interplan_sumo.batch.records import Row
 from interplan_sumo.batch.run_folder import StoredRun, read_run
 from interplan_sumo.batch.score_job import rescore
 from interplan_sumo.batch.stored_drive import StoredDrive, StoredDrives
@@ -281,13 +280,8 @@ def _rescored(run: StoredRun, profile: str) -> StoredRun:
 # --- what users get ------------------------------------------------------------------------------
 
 
-def _rows(run: StoredRun) -> list[Row]:
-    """In the order in which they were asked for."""
-    return [run.rows[key] for key in run.keys if key in run.rows]
-
-
 def _frame(run: StoredRun) -> pd.DataFrame:
-    rows, folder = _rows(run), run.path.absolute()
+    rows, folder = [run.rows[key] for key in run.keys if key in run.rows], run.path.absolute()
     informative = informative_metrics()
     judged = dict.fromkeys(name for row in rows for name in row.metrics if name not in informative)
     columns: dict[str, Iterable[Any]] = {
