@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from pathlib import Path
@@ -221,12 +221,12 @@ def _of_recording(source: Path, map: str, numbers: dict[Path, int], left_out: Co
 
 
 def _certificates(suite: Suite) -> dict[str, Certificate]:
-    return _read(certificates.read_certificates, suite.folder / certificates.FILE)
+    return _read_certificates(suite.folder / certificates.FILE)
 
 
 @cache
-def _read(read: Callable[[Path], dict[str, Certificate]], path: Path) -> dict[str, Certificate]:
-    return read(path) if path.is_file() else {}
+def _read_certificates(path: Path) -> dict[str, Certificate]:
+    return certificates.read_certificates(path) if path.is_file() else {}
 
 
 @cache

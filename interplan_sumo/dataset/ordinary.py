@@ -106,9 +106,7 @@ class _Offered:
         return not self.offer.car
 
 
-def make_ordinary(
-    request: OrdinaryRequest, say: Callable[[str], None] = lambda _line: None
-) -> DatasetManifest:  # fmt: skip
+def make_ordinary(request: OrdinaryRequest, say: Callable[[str], None] = lambda _line: None) -> DatasetManifest:
     """Make a dataset of ordinary driving; its manifest. The same request on the same folder goes on where it stopped.
 
     `say` is told in a line what is done. InputError for what cannot be, or if
