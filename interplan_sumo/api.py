@@ -5,7 +5,7 @@ from __future__ import annotations
 import atexit
 import contextlib
 import functools
-import re
+import glob
 import shutil
 import sys
 import tempfile
@@ -20,9 +20,8 @@ import pandas as pd
 
 from interplan_sumo.batch import run as batch
 from interplan_sumo.batch.given_planners import PlannerLike, named_planners
-from interplan_sumo.batch.jobs import own_maps, scenario_file
+from interplan_sumo.batch.jobs import own_maps, scenario_file, scenario_named
 from interplan_sumo.batch.options import RunOptions
-from interplan_sumo.batch.records import Row
 from interplan_sumo.batch.run_folder import StoredRun, read_run
 from interplan_sumo.batch.score_job import rescore
 from interplan_sumo.batch.stored_drive import StoredDrive, StoredDrives
@@ -36,9 +35,9 @@ from interplan_sumo.report.compare import Comparison, RunComparison, compare_run
 from interplan_sumo.report.failure_reasons import lost_points
 from interplan_sumo.report.printing import progress as shown_progress
 from interplan_sumo.report.table import make_table
-from interplan_sumo.scenario.files import MAPS, read_scenario, read_scenarios, write_scenarios
+from interplan_sumo.scenario.files import MAPS, read_scenarios, write_scenarios
 from interplan_sumo.scenario.scenario import Scenario
-from interplan_sumo.scenario.suite import DEFAULT_SUITE, expert, find_scenario, find_suite, suites
+from interplan_sumo.scenario.suite import DEFAULT_SUITE, expert, find_suite, suites
 from interplan_sumo.world.roads import Roads
 from interplan_sumo.world.trace import EgoTrack, Trace
 
@@ -215,9 +214,7 @@ def scenarios(suite: str | PathLike[str] = DEFAULT_SUITE) -> tuple[Scenario, ...
 
 def load_scenario(scenario: str | PathLike[str]) -> Scenario:
     """An official scenario by its id, such as `nudge/3`, or the one of a YAML file."""
-    name = fspath(scenario)
-    file = scenario_file(name)
-    return find_scenario(name) if file is None else read_scenario(file)
+    return scenario_named(fspath(scenario))
 
 
 def replay(drives: StoredDrive | Sequence[StoredDrive], path: str | PathLike[str]) -> Path:
@@ -253,17 +250,12 @@ def _chosen(
     hashes = {each.id: each.hash() for each in objects}
     for key, held in suites().items():
         if suite in (None, key) and hashes.items() <= {each.id: each.hash() for each in held.scenarios}.items():
-            return key, tuple(_literally(name) for name in hashes)
+            return key, tuple(map(glob.escape, hashes))
     file = _temporary_folder() / "scenarios.yaml"
     for files in own_maps(objects):
         copy_map(files, file.parent / MAPS)
     write_scenarios(objects, file)
     return suite, (str(file),)
-
-
-def _literally(scenario_id: str) -> str:
-    """A glob that matches this id only."""
-    return re.sub(r"([*?\[])", r"[\1]", scenario_id)
 
 
 def _stored(given: RunLike) -> StoredRun:
@@ -288,13 +280,8 @@ def _rescored(run: StoredRun, profile: str) -> StoredRun:
 # --- what users get ------------------------------------------------------------------------------
 
 
-def _rows(run: StoredRun) -> list[Row]:
-    """In the order in which they were asked for."""
-    return [run.rows[key] for key in run.keys if key in run.rows]
-
-
 def _frame(run: StoredRun) -> pd.DataFrame:
-    rows, folder = _rows(run), run.path.absolute()
+    rows, folder = [run.rows[key] for key in run.keys if key in run.rows], run.path.absolute()
     informative = informative_metrics()
     judged = dict.fromkeys(name for row in rows for name in row.metrics if name not in informative)
     columns: dict[str, Iterable[Any]] = {

@@ -98,6 +98,14 @@ class UnknownNameError(InputError):
         self.name = name
 
 
+def check_names(what: str, given: Iterable[str], known: Iterable[str]) -> None:
+    """UnknownNameError for the first of the given names that is not known."""
+    names = set(known)
+    for name in given:
+        if name not in names:
+            raise UnknownNameError(what, name, names)
+
+
 class MapError(InputError):
     """A map or network file is missing, damaged or inconsistent; names the layer and id where it can."""
 

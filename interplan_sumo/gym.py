@@ -25,7 +25,7 @@ except ImportError as error:
 from interplan_sumo.batch.custom_references import keep_certified, own_expert
 from interplan_sumo.batch.jobs import Selection
 from interplan_sumo.batch.options import SCENE_OPTIONS, RunOptions
-from interplan_sumo.errors import InputError, PlannerError, TrafficError, UnknownNameError
+from interplan_sumo.errors import InputError, PlannerError, TrafficError, UnknownNameError, check_names
 from interplan_sumo.extras import need_matplotlib
 from interplan_sumo.families import names
 from interplan_sumo.maps.store import load_roads
@@ -188,9 +188,7 @@ class ScenarioEnv(gymnasium.Env[Seen, Arrays]):
 
     def _drawn(self, options: Mapping[str, Any]) -> tuple[Scenario, int]:
         """The scenario, overridden as asked, and the traffic's seed."""
-        for name in options:
-            if name not in ("scenario", "seed"):
-                raise UnknownNameError("option of reset()", name, ("scenario", "seed"))
+        check_names("option of reset()", options, ("scenario", "seed"))
         ids = list(self.scenarios)
         scenario_id, seed = ids[int(self.np_random.integers(len(ids)))], int(self.np_random.integers(self.seeds))
         scenario_id, seed = options.get("scenario", scenario_id), int(options.get("seed", seed))

@@ -13,7 +13,7 @@ from interplan_sumo.endurance.formats import rate_text
 from interplan_sumo.endurance.rate_sample import MeasureKey
 from interplan_sumo.report.table import ResultsTable, unsafe_share
 from interplan_sumo.statistics.event_rates import Floats
-from tools.cells import DRIVEN, RARE, by_family, cell_text, points
+from tools.cells import DRIVEN, RARE, by_family, cell_text, heading, points
 from tools.hard_scores import drawn_again, tau
 from tools.kilometres import drawn_rates, rates
 
@@ -29,10 +29,9 @@ ORDER_DRAWS: Final = 400
 def kilometres_suites(rare: ResultsTable, ordinary: ResultsTable) -> list[str]:
     """What planners do in kilometres beside what they do in scenes, who hits most first."""
     collisions, braking = rates("at_fault_collision"), rates("hard_braking")
-    lines = [
-        "planner | at-fault collisions | hard braking caused | rare: score | unsafe % | ordinary: score",
-        "---|" * 5 + "---",
-    ]
+    lines = heading(
+        "planner", "at-fault collisions", "hard braking caused", "rare: score", "unsafe %", "ordinary: score"
+    )
     scenes = {line.planner: line.cells for line in rare.lines}
     everyday = {line.planner: line.cells for line in ordinary.lines}
     for name in sorted(collisions, key=lambda name: -collisions[name].per_1000_km):
@@ -45,7 +44,7 @@ def kilometres_suites(rare: ResultsTable, ordinary: ResultsTable) -> list[str]:
 
 def kilometres_order(rare: ResultsTable, ordinary: ResultsTable) -> list[str]:
     """Whether kilometres and scenes put the planners in one order, both with starts and scenes drawn again."""
-    lines = ["fewest per kilometre of | rare: score | rare: unsafe % | ordinary: score", "---|---|---|---"]
+    lines = heading("fewest per kilometre of", "rare: score", "rare: unsafe %", "ordinary: score")
     rng = np.random.default_rng(0)
     names = sorted(rates("at_fault_collision").keys() & {line.planner for line in ordinary.lines})
     columns = [_scenes(table, names, of) for table, of in ((rare, points), (rare, _safe), (ordinary, points))]

@@ -26,6 +26,11 @@ def best_first(table: ResultsTable, key: str = RARE) -> list[Line]:
     return sorted(table.lines, key=lambda line: -(line.cells[key].value or 0.0))
 
 
+def heading(*titles: str) -> list[str]:
+    """The first two lines of a table."""
+    return [" | ".join(titles), "---|" * (len(titles) - 1) + "---"]
+
+
 def cell_text(cell: Cell) -> str:
     """A figure of a table, or a dash."""
     return "-" if cell.value is None else f"{cell.value:.0f}"

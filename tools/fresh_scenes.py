@@ -13,7 +13,7 @@ import numpy as np
 from interplan_sumo.families import names
 from interplan_sumo.report.table import ResultsTable
 from interplan_sumo.world.csv_tables import number_in, read_table, write_table
-from tools.cells import RARE, cell_text, family_titles
+from tools.cells import RARE, cell_text, family_titles, heading
 from tools.hard_scores import RESULTS, Half, totals
 from tools.kept_drives import complete_run, refuse_other_traffic, renewed, traffic_of
 from tools.kept_sweeps import SUITE
@@ -67,8 +67,7 @@ def fresh(rare: ResultsTable, large: ResultsTable) -> list[str]:
         of[line["family"]].append(number_in(line["score"], KEPT))
     suites = [{line.planner: cell_text(line.cells[RARE]) for line in table.lines} for table in (rare, large)]
     count = sum(map(len, next(iter(half.values())).values()))
-    titles = ("planner", rare.suite, large.suite, f"{count} fresh scenes", *family_titles(rare))
-    lines = [" | ".join(titles), "---|" * (len(titles) - 1) + "---"]
+    lines = heading("planner", rare.suite, large.suite, f"{count} fresh scenes", *family_titles(rare))
     for name, total in totals(half).items():
         before = (of.get(name, "-") for of in suites)
         cells = (f"{100.0 * np.mean(each):.0f}" for each in half[name].values())

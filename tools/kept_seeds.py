@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 
 from interplan_sumo.world.csv_tables import number_in, read_table, write_table
+from tools.cells import heading
 from tools.hard_scores import RESULTS, Half, totals
 from tools.kept_drives import complete_run, refuse_others, renewed
 from tools.kept_sweeps import SUITE
@@ -47,8 +48,7 @@ def seeds() -> list[str]:
         family = scores.setdefault(line["planner"], {}).setdefault(line["family"], {})
         family.setdefault(line["scenario"], {})[line["seed"]] = number_in(line["score"], KEPT)
     every = sorted({line["seed"] for line in kept}, key=int)
-    titles = ("planner", *(f"seed {seed}" for seed in every), "all", "spread of a scene", "two seeds apart")
-    lines = [" | ".join(titles), "---|" * (len(titles) - 1) + "---"]
+    lines = heading("planner", *(f"seed {seed}" for seed in every), "all", "spread of a scene", "two seeds apart")
     half: Half = {
         name: {
             family: [float(np.mean([*of.values()])) for of in scenes.values()] for family, scenes in sorted(by.items())

@@ -11,6 +11,7 @@ from typing import Final
 
 from interplan_sumo.batch.run_folder import read_run
 from interplan_sumo.world.csv_tables import read_table, write_table
+from tools.cells import heading
 from tools.hard_scores import RESULTS
 from tools.kept_drives import refuse_others
 
@@ -58,8 +59,7 @@ def tracks(plain: dict[str, str]) -> list[str]:
     """What planners keep of their scores where scenes are made harder; `plain` says what they have as it is."""
     found = by_planner("track")
     values = list(dict.fromkeys(value for of in found.values() for value in of))
-    titles = ("planner", "plain", *values, f"at fault in {', '.join(values)} %")
-    lines = [" | ".join(titles), "---|" * (len(titles) - 1) + "---"]
+    lines = heading("planner", "plain", *values, f"at fault in {', '.join(values)} %")
     for planner in sorted(found, key=lambda name: -float(plain[name].split()[0])):
         of = found[planner]
         fault = ", ".join(_figure(of[value], "at_fault_collisions") if value in of else "-" for value in values)
@@ -70,7 +70,7 @@ def tracks(plain: dict[str, str]) -> list[str]:
 
 def behaviours() -> list[str]:
     """What planners do among drivers that are all of one kind."""
-    lines = ["planner | drivers | drives | at-fault collisions % | goal lane % | score", "---|" * 5 + "---"]
+    lines = heading("planner", "drivers", "drives", "at-fault collisions %", "goal lane %", "score")
     for planner, of in by_planner("behaviour").items():
         for value, line in of.items():
             shares = (_figure(line, key) for key in ("at_fault_collisions", "goal_lane"))

@@ -24,6 +24,7 @@ from interplan_sumo.endurance.rates import RateEstimate, endurance_rates
 from interplan_sumo.endurance.records import SegmentRecord
 from interplan_sumo.endurance.report import WANTED, EnduranceReport, endurance_report
 from interplan_sumo.statistics.event_rates import FEWEST_EFFECTIVE, ClusterSums, Floats, effective_size
+from tools.cells import heading
 from tools.hard_scores import RESULTS
 
 KEPT: Final = RESULTS / "endure"
@@ -107,7 +108,7 @@ def drawn_rates(measure: MeasureKey) -> dict[str, Floats]:
 
 def kilometres_weights() -> list[str]:
     """Boosted segments alone, each event and metre by its weight, over naive ones alone: 1 if weights are right."""
-    lines = ["planner | events | naive | boosted | of them effective | boosted over naive", "---|" * 5 + "---"]
+    lines = heading("planner", "events", "naive", "boosted", "of them effective", "boosted over naive")
     for planner in sorted({each.planner for each in _segments()}):
         segments = [each for each in _segments() if each.planner == planner]
         starts = [(each.cell.map, each.start) for each in segments]
@@ -131,7 +132,7 @@ def kilometres_weights() -> list[str]:
 
 def kilometres_pilots() -> list[str]:
     """What the first kilometres said that it takes to know a rate, and where it was known."""
-    lines = ["planner | of | km | events | it takes km | hours of one core | known after km", "---|" * 6 + "---"]
+    lines = heading("planner", "of", "km", "events", "it takes km", "hours of one core", "known after km")
     for planner in sorted({each.planner for each in _segments()}):
         segments = [each for each in _segments() if each.planner == planner]
         pilot = _first(segments, PILOT_M)
@@ -172,4 +173,4 @@ def _depends(measure: MeasureKey) -> list[str]:
 
 
 def _lines(table: FigureTable) -> list[str]:
-    return [" | ".join(table.columns), "---|" * (len(table.columns) - 1) + "---", *map(" | ".join, table.rows)]
+    return [*heading(*table.columns), *map(" | ".join, table.rows)]

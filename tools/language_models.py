@@ -14,7 +14,7 @@ from interplan_sumo.report.table import POINTS, Cell, Column, ResultsTable, make
 from interplan_sumo.statistics.intervals import mean_interval
 from interplan_sumo.statistics.scene_values import DriveValue, mean_over_scenes
 from interplan_sumo.world.csv_tables import number_in, read_table, write_table
-from tools.cells import FAMILIES, RARE, best_first, cell_text, family_titles, with_interval
+from tools.cells import FAMILIES, RARE, best_first, cell_text, family_titles, heading, with_interval
 from tools.hard_scores import RESULTS, ROOT
 
 ASKED: Final = "llm==1"
@@ -46,7 +46,7 @@ def choosers(run: StoredRun) -> list[str]:
             found.append((_who(options), line.cells, str(line.questions), str(line.unanswered)))
         elif line.planner == NOBODY:
             found.append((f"nobody: `{NOBODY}`", line.cells, "-", "-"))
-    lines = [" | ".join(titles), "---|" * (len(titles) - 1) + "---"]
+    lines = heading(*titles)
     for who, cells, *counts in sorted(found, key=lambda row: -(row[1][RARE].value or 0.0)):
         shown = (cell_text(cells[key]) for key in ("done_share", "unsafe_share", *FAMILIES))
         lines.append(" | ".join((who, with_interval(cells[RARE]), *shown, *counts)))
@@ -57,7 +57,7 @@ def waypoints(run: StoredRun) -> list[str]:
     """Scores of those who write waypoints, and of published ones."""
     table, keys = make_table([run]), PUBLISHED_COLUMNS[1:]
     titles = {column.key: column.title for column in table.columns}
-    lines = [" | ".join(("who writes", *(titles[key] for key in keys), "asked", "unusable %")), "---|" * 14 + "---"]
+    lines = heading("who writes", *(titles[key] for key in keys), "asked", "unusable %")
     for line in best_first(table):
         name, options = split_spec(line.planner)
         if name == WAYPOINTS:

@@ -10,7 +10,7 @@ from interplan_learned.card import Card, read_card
 from interplan_learned.network import shipped_cards
 from interplan_sumo.report.table import ResultsTable
 from interplan_sumo.world.csv_tables import read_table, write_table
-from tools.cells import DRIVEN, RARE, cell_text
+from tools.cells import DRIVEN, RARE, cell_text, heading
 from tools.hard_scores import RESULTS
 
 PLAN_TIMES: Final = RESULTS / "plan_times.csv"
@@ -29,11 +29,10 @@ DRIVES: Final = {"pdm_offset": "pdm_hybrid"}
 
 def networks(rare: ResultsTable, ordinary: ResultsTable) -> list[str]:
     """Open-loop errors, what a plan costs, and the scores of both suites, of each shipped network."""
-    lines = [
-        "planner | network | weights | samples | epochs | new traffic m | new district m | of late | ordinary | rare | "
-        "plan ms",
-        "---|" * 10 + "---",
-    ]
+    lines = heading(
+        "planner", "network", "weights", "samples", "epochs", "new traffic m", "new district m", "of late", "ordinary",
+        "rare", "plan ms",
+    )  # fmt: skip
     cards = [read_card(path) for path in shipped_cards().values()]
     took = {line["planner"]: line["mean"] for line in _plan_times()}
     lines.append(" | ".join(("constant velocity", *[""] * 4, *_errors(cards[0], "constant_velocity"), *[""] * 4)))
@@ -76,7 +75,7 @@ def data_scaling() -> list[str]:
 
     Ends the program if a shipped network has learned from other data since.
     """
-    lines = ["network | samples | new traffic m | new district m", "---|---|---|---"]
+    lines = heading("network", "samples", "new traffic m", "new district m")
     parts = _parts()
     for name in dict.fromkeys(line["network"] for line in parts):
         shipped = read_card(shipped_cards()[name])
@@ -102,7 +101,7 @@ def gained_of_late(held_out_m: Sequence[float]) -> str:
 
 def plan_times() -> list[str]:
     """What a call of `plan` costs, by planner."""
-    lines = ["planner | mean | median | 90 % | x IDM", "---|---|---|---|---"]
+    lines = heading("planner", "mean", "median", "90 %", "x IDM")
     for line in _plan_times():
         shown = (_short(line[key]) for key in ("mean", "median", "p90", "x_idm"))
         lines.append(" | ".join((f"`{line['planner']}`", *shown)))

@@ -41,7 +41,7 @@ from interplan_sumo.report.text import points_text
 from interplan_sumo.verification.solvers import SOLVED_SCORE
 from tools import foresight
 from tools.beside_scenes import kilometres_order, kilometres_suites
-from tools.cells import DRIVEN, FAMILIES, RARE, best_first, by_family, cell_text, family_titles, with_interval
+from tools.cells import DRIVEN, FAMILIES, RARE, best_first, by_family, cell_text, family_titles, heading, with_interval
 from tools.figures import with_figures
 from tools.fresh_scenes import fresh, keep_fresh
 from tools.hard_scores import (
@@ -116,7 +116,7 @@ def _judged_by_paper(row: Row) -> Row:
 
 def short(drives: Drives) -> list[str]:
     """Scores of a few planners, for README."""
-    lines = ["planner | interPlan | " + " | ".join(family_titles(drives.strict)), "---|" * 9 + "---"]
+    lines = heading("planner", "interPlan", *family_titles(drives.strict))
     for line in best_first(drives.strict):
         if line.planner in SHORT:
             name = NAMES.get(line.planner, f"`{line.planner}`")
@@ -126,8 +126,7 @@ def short(drives: Drives) -> list[str]:
 
 def planners(drives: Drives) -> list[str]:
     """All planners, with intervals, shares and the paper's score."""
-    titles = ("planner", "interPlan", "done %", "unsafe %", "by paper", *family_titles(drives.strict))
-    lines = [" | ".join(titles), "---|" * (len(titles) - 1) + "---"]
+    lines = heading("planner", "interPlan", "done %", "unsafe %", "by paper", *family_titles(drives.strict))
     for line in best_first(drives.strict):
         cells = (cell_text(line.cells[key]) for key in ("done_share", "unsafe_share", "paper_score", *FAMILIES))
         lines.append(" | ".join((f"`{line.planner}`", with_interval(line.cells[RARE]), *cells)))
@@ -137,8 +136,7 @@ def planners(drives: Drives) -> list[str]:
 def paper(drives: Drives) -> list[str]:
     """Ours by the paper's profile, and the published figures of the same methods in brackets."""
     published = _published()
-    titles = (f"by `{PAPER_PROFILE}`, ours (published)", "total", *family_titles(drives.by_paper))
-    lines = [" | ".join(titles), "---|" * (len(titles) - 1) + "---"]
+    lines = heading(f"by `{PAPER_PROFILE}`, ours (published)", "total", *family_titles(drives.by_paper))
     for line in best_first(drives.by_paper):
         if line.planner in published:
             row = published[line.planner]
@@ -155,7 +153,7 @@ def tracks(drives: Drives) -> list[str]:
 def ordinary(drives: Drives) -> list[str]:
     """All planners in ordinary driving: strict, by the paper, and what the paper has for Val14."""
     published, by_paper = _published(), {line.planner: line for line in drives.by_paper.lines}
-    lines = ["planner | strict | by paper | published, Val14", "---|---|---|---"]
+    lines = heading("planner", "strict", "by paper", "published, Val14")
     for line in best_first(drives.strict, DRIVEN):
         val14 = published_figure(published[line.planner], DRIVEN) if line.planner in published else "-"
         judged = cell_text(by_paper[line.planner].cells[DRIVEN])
@@ -186,7 +184,7 @@ def lost(drives: Drives, key: str) -> list[str]:
     """What took the points that a score lacks, by planner; the best of a column first."""
     by_score = best_first(drives.strict, key)
     columns = where_points_went(by_score)
-    lines = [" | ".join(("planner", "score", *columns)), "---|" * (len(columns) + 1) + "---"]
+    lines = heading("planner", "score", *columns)
     for number, line in enumerate(by_score):
         taken = (f"{points[number]:.0f}" for points in columns.values())
         lines.append(" | ".join((f"`{line.planner}`", cell_text(line.cells[key]), *taken)))
@@ -199,7 +197,7 @@ def learned(rare: Drives, ordinary: Drives) -> list[str]:
     titles = {column.key: column.title for column in table.columns}
     keys = PUBLISHED_COLUMNS
     published = _published()
-    lines = [" | ".join(("planner", *(titles[key] for key in keys))), "---|" * len(keys) + "---"]
+    lines = heading("planner", *(titles[key] for key in keys))
     for line in best_first(table):
         lines.append(" | ".join((f"`{line.planner}`", *(cell_text(line.cells[key]) for key in keys))))
         if row := published.get(line.planner):
@@ -246,8 +244,7 @@ def detectable(drives: Drives) -> list[str]:
 def hard(drives: Drives) -> list[str]:
     """Scores in the hard scenes that are shipped: of the panel, as the suite has them, and of who drove since."""
     shown, panel = shown_scores(drives.run), panel_scores()
-    titles = ("planner", "in the panel", "all", "solves, of 100", *family_titles(drives.strict))
-    lines = [" | ".join(titles), "---|" * (len(titles) - 1) + "---"]
+    lines = heading("planner", "in the panel", "all", "solves, of 100", *family_titles(drives.strict))
     for name, total in totals(shown).items():
         solved = sum(score >= SOLVED_SCORE for scores in shown[name].values() for score in scores)
         cells = (f"{100.0 * float(np.mean(scores)):.0f}" for scores in shown[name].values())
@@ -259,8 +256,7 @@ def hard(drives: Drives) -> list[str]:
 def halves(drives: Drives) -> list[str]:
     """Scores in the hard scenes that are shipped, and in those that are kept back: these by family, too."""
     shown, hidden = both_halves(drives.run)
-    titles = ("planner", "shipped", "kept back", *family_titles(drives.strict))
-    lines = [" | ".join(titles), "---|" * (len(titles) - 1) + "---"]
+    lines = heading("planner", "shipped", "kept back", *family_titles(drives.strict))
     kept_back = totals(hidden)
     for name, total in totals(shown).items():
         cells = (f"{100.0 * float(np.mean(scores)):.0f}" for scores in hidden[name].values())

@@ -30,7 +30,6 @@ def proofs(
     workers: int | None,
     stored: dict[str, Certificate] | None = None,
     panel: Sequence[str] | None = None,
-    limits: Limits | None = None,
 ) -> Generator[Proof]:
     """Certify scenarios, or with `stored` certificates check those, in worker processes.
 
@@ -41,7 +40,7 @@ def proofs(
     """
     tasks = [Task(s.id, GROUP, (s, (stored or {}).get(s.id), stored is not None, panel)) for s in scenarios]
     many = available_cores() if workers is None else workers
-    for outcome in run_tasks(tasks, _open, workers=many, limits=limits or Limits()):
+    for outcome in run_tasks(tasks, _open, workers=many, limits=Limits()):
         fault, answer = outcome.fault, msgspec.convert(outcome.value, ProofAnswer)
         problems = answer.problems if fault is None else (f"{fault.kind}: {fault.message}",)
         found = None if answer.certificate is None or problems else Certificate.of(answer.certificate)

@@ -13,9 +13,9 @@ from interplan_sumo.batch.overrides import Overrides
 from interplan_sumo.batch.records import JobKey
 from interplan_sumo.errors import InputError, UnknownNameError
 from interplan_sumo.maps.store import MapFiles, find_map
-from interplan_sumo.scenario.files import is_scenario_file, read_scenarios
+from interplan_sumo.scenario.files import is_scenario_file, read_scenario, read_scenarios
 from interplan_sumo.scenario.scenario import Scenario
-from interplan_sumo.scenario.suite import DEFAULT_SUITE, SCENARIOS, Suite, find_suite
+from interplan_sumo.scenario.suite import DEFAULT_SUITE, SCENARIOS, Suite, find_scenario, find_suite
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +84,12 @@ def scenario_file(text: str) -> str | None:
     if inside.is_file():
         return str(inside)
     return text if is_scenario_file(text) else None
+
+
+def scenario_named(text: str) -> Scenario:
+    """An official scenario by its id, or the one of a file."""
+    file = scenario_file(text)
+    return find_scenario(text) if file is None else read_scenario(file)
 
 
 def split_files(given: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:

@@ -14,13 +14,7 @@ from interplan_sumo.batch.drive_job import place_trace
 from interplan_sumo.batch.jobs import ScenarioSource, own_maps
 from interplan_sumo.batch.records import JobKey, Manifest, Row, Shard
 from interplan_sumo.batch.run import RunProgress
-from interplan_sumo.batch.run_folder import (
-    OWN_SCENARIOS,
-    RunFolder,
-    StoredRun,
-    read_run,
-    trace_place,
-)
+from interplan_sumo.batch.run_folder import OWN_SCENARIOS, RunFolder, StoredRun, read_run, trace_place
 from interplan_sumo.batch.same_benchmark import run_difference
 from interplan_sumo.batch.traffic_files import recorded_vehicle_types
 from interplan_sumo.batch.verified import keep_verified, verified_rows

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Final, Self
 
 from interplan_sumo.batch.processes import Workers
 from interplan_sumo.batch.records import MOST_SEEDS, Shard
-from interplan_sumo.errors import InputError, UnknownNameError, clean_line
+from interplan_sumo.errors import InputError, UnknownNameError, check_names, clean_line
 
 if TYPE_CHECKING:
     from interplan_sumo.batch.overrides import Overrides
@@ -26,7 +26,7 @@ def _about(help: str, **about: Any) -> dict[str, Any]:
     """Metadata of a field. `about` may hold
 
     `flag`: its option on the command line, if it is not called as the field is;
-    `metavar`, `completes`: what stands there for the value, and the function of `cli.options` that completes it;
+    `metavar`, `completes`: what stands there for the value, and the function of `cli.completion` that completes it;
     `least`, `most`, `choices`: what the value may be;
     `setting`: whether it changes the scenarios and is given as `--set KEY=VALUE`;
     `scene`: whether it says what is driven and scored, and not how a run goes about it.
@@ -146,9 +146,7 @@ class RunOptions:
     def of(cls, given: dict[str, Any], *, names: Iterable[str] = ()) -> Self:
         """From keyword arguments; UnknownNameError for one that is no option, or none of `names`."""
         known = tuple(names) or tuple(each.name for each in fields(cls))
-        for name in given:
-            if name not in known:
-                raise UnknownNameError("option", name, known)
+        check_names("option", given, known)
         return cls(**given)
 
     @property

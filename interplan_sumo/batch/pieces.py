@@ -101,7 +101,7 @@ def keep_pieces(run_folder: Path) -> None:
     wanted: set[str] = set()
     first = 1
     for number, lines in enumerate(whole_lines(results)):
-        path = _path(run_folder, number)
+        path = folder / f"part-{number:05}.parquet"
         wanted.add(path.name)
         about = _about(lines)
         if not _says(path, about):
@@ -111,10 +111,6 @@ def keep_pieces(run_folder: Path) -> None:
     for path in folder.iterdir():
         if path.name not in wanted and path.is_file():
             path.unlink()
-
-
-def _path(run_folder: Path, number: int) -> Path:
-    return run_folder / FOLDER / f"part-{number:05}.parquet"
 
 
 def _about(lines: Sequence[bytes]) -> dict[str, Any]:

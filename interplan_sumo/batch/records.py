@@ -1,6 +1,6 @@
 """Records: what a run writes down, as declared types; whatever is read is checked against them once, as it is read.
 
-The names on disk are those of docs/results.md; `Fault.kind` is `class` there and `Row.scoring_version` is `version`.
+The names on disk are those of the fields, but `class` for `Fault.kind` and `version` for `scoring_version` of rows.
 Numbers are finite: the encoder writes null for one that is not, and the decoder takes null only where it may be.
 """
 

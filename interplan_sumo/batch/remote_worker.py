@@ -36,7 +36,7 @@ class HostInfo:
 
 @dataclass(frozen=True, slots=True)
 class WorkerReply:
-    """What happened there: as `pool.Report`, without the worker."""
+    """What happened there: as `worker_pool.Report`, without the worker."""
 
     answer: WorkerAnswer = field(default_factory=WorkerAnswer)
     ending: Ending | None = None

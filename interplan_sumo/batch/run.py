@@ -20,7 +20,7 @@ from interplan_sumo.batch.records import JobKey, Manifest, PlannerRecord, Reques
 from interplan_sumo.batch.run_folder import RunFolder, StoredRun, read_run
 from interplan_sumo.batch.tasks import Outcome, Task
 from interplan_sumo.batch.versions import scored_versions
-from interplan_sumo.errors import InputError, UnknownNameError, clean_line, counted
+from interplan_sumo.errors import InputError, check_names, clean_line, counted
 from interplan_sumo.interruption import terminated_like_interrupted
 from interplan_sumo.maps.store import find_map, load_roads
 from interplan_sumo.metrics.profile import DEFAULT_PROFILE, find_profile
@@ -115,9 +115,7 @@ def _planned(options: RunOptions, made: Mapping[str, Callable[[], Planner]], com
         vehicle_type_file(options.behaviour)
     check_inputs({job.scenario.id: job.scenario for job in jobs}.values(), options.traffic)
     sources = {spec: PlannerSource.of(spec) for spec in planners if spec not in made}
-    for spec in options.redo:
-        if spec not in planners:
-            raise UnknownNameError("planner of this run to redo", spec, planners)
+    check_names("planner of this run to redo", options.redo, planners)
     manifest = Manifest(
         suite=source.name,
         suite_hash=source.hash,

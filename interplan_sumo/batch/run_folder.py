@@ -291,7 +291,8 @@ class RunFolder:
                     f"{self.path} holds {held.part}, this is {wanted.part}; each has a folder of its own: "
                     "give another one as --out"
                 )
-        changed = [name for name, now in wanted.planners.items() if _has_changed(held, name, now)]
+        common = [name for name in wanted.planners if name in held.planners]
+        changed = [name for name in common if held.planners[name].hash != wanted.planners[name].hash]
         with_rows = {key[1] for _, key, _ in read_briefs(self.path / RESULTS)} if changed else set[str]()
         for name in changed:
             if name in with_rows and name not in self._redo:
@@ -338,10 +339,6 @@ def _refuse_strangers(path: Path) -> None:
             f"{path} holds {strangers[0]!r} and no manifest.json, so it is no run folder; "
             "give an empty or a new folder as --out"
         )
-
-
-def _has_changed(held: Manifest, name: str, now: PlannerRecord) -> bool:
-    return name in held.planners and held.planners[name].hash != now.hash
 
 
 def _refuse_planner(path: Path, name: str, then: PlannerRecord, now: PlannerRecord) -> None:

@@ -11,7 +11,7 @@ from interplan_sumo.batch.custom_references import own_expert
 from interplan_sumo.batch.overrides import Overrides
 from interplan_sumo.batch.records import Row
 from interplan_sumo.batch.run_folder import OWN_SCENARIOS, StoredRun
-from interplan_sumo.errors import InputError, UnknownNameError
+from interplan_sumo.errors import InputError, UnknownNameError, check_names
 from interplan_sumo.maps.store import load_roads
 from interplan_sumo.metrics.profile import Profile, stored_profile
 from interplan_sumo.metrics.score import ScoreSheet, score
@@ -110,9 +110,7 @@ class StoredDrives:
         if not found:
             seeds = ", ".join(map(str, sorted({key[2] for key in driven})))
             raise InputError(f"{run.path} has no drive of {scenario_id} with seed {seed}; it has seed {seeds}")
-        for name in planners:
-            if name not in found:
-                raise UnknownNameError(f"planner in {run.path} that drove {scenario_id} with seed {seed}", name, found)
+        check_names(f"planner in {run.path} that drove {scenario_id} with seed {seed}", planners, found)
         in_order = [name for name in dict.fromkeys((*run.planners, *found)) if name in found]
         return tuple(self.read(run.rows[found[name]]) for name in dict.fromkeys(planners) or in_order[:most])
 

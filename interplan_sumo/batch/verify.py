@@ -31,7 +31,7 @@ from interplan_sumo.batch.tasks import Task
 from interplan_sumo.batch.trace_difference import difference
 from interplan_sumo.batch.traffic_files import recorded_vehicle_types
 from interplan_sumo.batch.verified import Means, VerifiedRow, keep_verified
-from interplan_sumo.errors import InputError, RunFolderError, UnknownNameError
+from interplan_sumo.errors import InputError, RunFolderError, UnknownNameError, check_names
 from interplan_sumo.metrics.profile import stored_profile
 from interplan_sumo.planner import find_planner
 from interplan_sumo.scenario.files import MAPS
@@ -138,9 +138,7 @@ def _candidates(run: StoredRun, sample: RowSample) -> list[JobKey]:
         raise RunFolderError(f"{run.path} holds no drive with a score, so there is nothing to verify; run it first")
     ids, planners = ({str(key[at]) for key in scored} for at in (0, 1))
     wanted = matching(ids, sample.scenarios, f"scenario in {run.path}")
-    for planner in sample.planners:
-        if planner not in planners:
-            raise UnknownNameError(f"planner in {run.path}", planner, planners)
+    check_names(f"planner in {run.path}", sample.planners, planners)
     return [key for key in scored if key[0] in wanted and (not sample.planners or key[1] in sample.planners)]
 
 

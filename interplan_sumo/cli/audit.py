@@ -11,7 +11,7 @@ import typer
 
 from interplan_sumo.batch.options import RunOptions
 from interplan_sumo.cli.completion import planner_names
-from interplan_sumo.cli.options import DONE, INCOMPLETE, JsonOption, WorkersOption
+from interplan_sumo.cli.options import DONE, INCOMPLETE, JsonOption, QuietOption, WorkersOption
 from interplan_sumo.report.printing import console, print_json, progress
 
 
@@ -23,7 +23,7 @@ def audit(
     below: Annotated[float | None, typer.Option(help="Only scenarios where it has fewer points, 0 to 100.")] = None,
     workers: WorkersOption = None,
     out: Annotated[Path | None, typer.Option(help="Keep the run in this folder; it resumes there.")] = None,
-    quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
+    quiet: QuietOption = False,
     as_json: JsonOption = False,
 ) -> int:
     """Sort the scenarios of a suite or file by what they ask, unsound ones apart; with --below, find the hard ones."""

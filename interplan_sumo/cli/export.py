@@ -68,13 +68,13 @@ def export(
         workers=available_cores() if workers is None else workers,
     )
     began_s = time.perf_counter()
-    manifest = export_drives(request, None if quiet else _say)
+    manifest = export_drives(request, None if quiet else say_drive)
     entry = summary(out, manifest, time.perf_counter() - began_s)
     print_json(entry) if as_json else print_summary(entry)
     return DONE
 
 
-def _say(drive: Drive, done: int, drives: int) -> None:
+def say_drive(drive: Drive, done: int, drives: int) -> None:
     print(f"[{done}/{drives}] {drive.scenario.id}, {drive.planner}, seed {drive.seed}", file=sys.stderr, flush=True)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Protocol, cast
@@ -12,12 +11,12 @@ from urllib.parse import quote
 import typer
 
 from interplan_sumo.cli.completion import run_folders, scenario_ids
+from interplan_sumo.cli.export import say_drive
 from interplan_sumo.cli.options import DONE, LOOKS, JsonOption, QuietOption
 from interplan_sumo.errors import InputError, PlannerError, clean_line
 from interplan_sumo.report.printing import print_json
 
 if TYPE_CHECKING:
-    from interplan_sumo.dataset.drives import Drive
     from interplan_sumo.planner import Mission, Observation, Planner
     from interplan_sumo.scenario.scenario import Scenario
     from interplan_sumo.world.trajectory import Trajectory
@@ -72,10 +71,8 @@ def try_model(
     as_json: JsonOption = False,
 ) -> int:
     """Ask for one decision in a scenario: the prompt, the options, the answer and what it cost."""
-    from interplan_sumo.batch.jobs import scenario_file
+    from interplan_sumo.batch.jobs import scenario_named
     from interplan_sumo.planner import load_planner
-    from interplan_sumo.scenario.files import read_scenario
-    from interplan_sumo.scenario.suite import find_scenario
 
     spec = planner if model is None else f"{planner}{'&' if '?' in planner else '?'}model={quote(model, safe=SAFE)}"
     asking = load_planner(spec)
@@ -83,8 +80,7 @@ def try_model(
         raise InputError(
             f"planner {spec!r} asks no language model; give llm_hybrid or llm_waypoints, and a language model"
         )
-    file = scenario_file(scenario)
-    found = find_scenario(scenario) if file is None else read_scenario(file)
+    found = scenario_named(scenario)
     exchange = _first_exchange(found, spec, asking, at, seed)
     if as_json:
         print_json({"scenario": found.id, "planner": spec, **exchange})
@@ -123,13 +119,9 @@ def export_chats(
         form={"planner": "llm_waypoints", "centerline": not no_centerline},
     )  # fmt: skip
     teller = _shelf("waypoints.planner").LlmWaypointsPlanner("scripted:nothing is asked", centerline=not no_centerline)
-    card = write_chats(request, teller, None if quiet else _say)
+    card = write_chats(request, teller, None if quiet else say_drive)
     print_json({"path": str(out), **card}) if as_json else _print_card(out, card)
     return DONE
-
-
-def _say(drive: Drive, done: int, at_most: int) -> None:
-    print(f"[{done}/{at_most}] {drive.scenario.id}, {drive.planner}, seed {drive.seed}", file=sys.stderr, flush=True)
 
 
 def _print_card(out: Path, card: dict[str, Any]) -> None:

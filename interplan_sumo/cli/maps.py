@@ -153,13 +153,10 @@ def render_map(
     lane_ids: Annotated[bool, typer.Option("--lane-ids", help="Write the id on every lane.")] = False,
 ) -> None:
     """Draw a map: lanes, directions, connectors, limits, crossings, lights."""
-    from interplan_sumo.maps import render
+    from interplan_sumo.maps.render import render_map as draw
     from interplan_sumo.maps.store import load_roads
 
-    try:
-        render.render_map(load_roads(folder), picture, lane_ids=lane_ids)
-    except (OSError, ValueError) as error:
-        raise InputError(f"cannot write the picture {picture}: {error}") from None
+    draw(load_roads(folder), picture, lane_ids=lane_ids)
     print(f"wrote {picture}")
 
 

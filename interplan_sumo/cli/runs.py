@@ -1,4 +1,4 @@
-"""Commands about runs: run, report, score, compare."""
+"""Commands about runs: run, merge, report, score, compare."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Commands about scenarios: list, show, export, validate, render."""
+"""Commands about scenarios: list, show, export, validate, render, freeze."""
 
 from __future__ import annotations
 

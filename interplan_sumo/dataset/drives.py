@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from pathlib import Path
@@ -16,7 +16,7 @@ from interplan_sumo.batch.versions import versions
 from interplan_sumo.dataset.cars import Cars
 from interplan_sumo.dataset.recorded import RECORDED, Window, maps_beside, window_drive, windows
 from interplan_sumo.dataset.records import DriveRecord, Origin, Split
-from interplan_sumo.errors import InputError, ScenarioError, UnknownNameError
+from interplan_sumo.errors import InputError, ScenarioError, check_names
 from interplan_sumo.maps.store import MapFiles, find_map, load_roads
 from interplan_sumo.scenario import certificates
 from interplan_sumo.scenario.certificates import Certificate
@@ -127,7 +127,7 @@ def chosen_drives(
     numbers: dict[Path, int] = {}
     for source in dict.fromkeys(recordings):
         found += _of_recording(source, on_map, numbers, left_out)
-    _check_names("family", choice.exclude, (drive.scenario.family for drive in found))
+    check_names("family", choice.exclude, (drive.scenario.family for drive in found))
     kept: dict[tuple[str, str, int, str, str], Drive] = {}
     for drive in sorted(found, key=lambda each: (each.key, each.source)):
         if drive.scenario.family in choice.exclude:
@@ -139,8 +139,8 @@ def chosen_drives(
     if not kept:
         why = ", ".join(f"{count} {reason}" for reason, count in sorted(left_out.items())) or "the run is empty"
         raise InputError(f"no drive is left to export ({why}); lower --min-score or give other runs")
-    _check_names("map among the drives", choice.holdout_maps, (drive.map.name for drive in kept.values()))
-    _check_names("seed among the drives", map(str, choice.holdout_seeds), (str(d.seed) for d in kept.values()))
+    check_names("map among the drives", choice.holdout_maps, (drive.map.name for drive in kept.values()))
+    check_names("seed among the drives", map(str, choice.holdout_seeds), (str(d.seed) for d in kept.values()))
     _check_maps(kept.values())
     return Chosen(tuple(kept.values()), dict(sorted(left_out.items())))
 
@@ -221,12 +221,12 @@ def _of_recording(source: Path, map: str, numbers: dict[Path, int], left_out: Co
 
 
 def _certificates(suite: Suite) -> dict[str, Certificate]:
-    return _read(certificates.read_certificates, suite.folder / certificates.FILE)
+    return _read_certificates(suite.folder / certificates.FILE)
 
 
 @cache
-def _read(read: Callable[[Path], dict[str, Certificate]], path: Path) -> dict[str, Certificate]:
-    return read(path) if path.is_file() else {}
+def _read_certificates(path: Path) -> dict[str, Certificate]:
+    return certificates.read_certificates(path) if path.is_file() else {}
 
 
 @cache
@@ -243,13 +243,6 @@ def _stored_drive(folder: Path, row: JobKey) -> StoredDrive:
 @lru_cache(maxsize=1)
 def _cars(folder: Path, row: JobKey) -> Cars:
     return Cars(_stored_drive(folder, row).trace)
-
-
-def _check_names(what: str, given: Iterable[str], known: Iterable[str]) -> None:
-    names = set(known)
-    for name in given:
-        if name not in names:
-            raise UnknownNameError(what, name, names)
 
 
 def _check_maps(drives: Iterable[Drive]) -> None:

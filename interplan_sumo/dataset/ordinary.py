@@ -33,7 +33,7 @@ from interplan_sumo.dataset.drives import Chosen, Drive, DriveSelection
 from interplan_sumo.dataset.folder import DRIVEN, check_free, writing_in
 from interplan_sumo.dataset.records import DatasetManifest, FiltersRecord, OrdinaryRecord
 from interplan_sumo.dataset.sample_index import IndexedSamples
-from interplan_sumo.errors import InputError, InterplanError, UnknownNameError
+from interplan_sumo.errors import InputError, InterplanError, check_names
 from interplan_sumo.maps.store import find_map, load_roads
 from interplan_sumo.metrics.score import weighted_score
 from interplan_sumo.scenario.files import read_scenarios, scenario_text
@@ -106,9 +106,7 @@ class _Offered:
         return not self.offer.car
 
 
-def make_ordinary(
-    request: OrdinaryRequest, say: Callable[[str], None] = lambda _line: None
-) -> DatasetManifest:  # fmt: skip
+def make_ordinary(request: OrdinaryRequest, say: Callable[[str], None] = lambda _line: None) -> DatasetManifest:
     """Make a dataset of ordinary driving; its manifest. The same request on the same folder goes on where it stopped.
 
     `say` is told in a line what is done. InputError for what cannot be, or if
@@ -142,9 +140,7 @@ def _check(request: OrdinaryRequest) -> None:
         raise InputError(f"min-score is {request.min_score:g}, expected 0 to 1: scores count from 0 to 1 here")
     for name in request.maps:
         find_map(name)
-    for name in request.holdout_maps:
-        if name not in request.maps:
-            raise UnknownNameError("map among those to drive on", name, request.maps)
+    check_names("map among those to drive on", request.holdout_maps, request.maps)
     if not set(request.maps) - set(request.holdout_maps):
         raise InputError("every map is held out, none is left to train on; hold out fewer")
     check_free(request.folder)

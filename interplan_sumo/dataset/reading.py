@@ -18,7 +18,7 @@ import numpy as np
 from interplan_sumo.dataset import folder as layout
 from interplan_sumo.dataset.columns import RAGGED, Columns, count_of, joined, offsets_name, picked, read_arrays
 from interplan_sumo.dataset.records import SPLITS, DatasetManifest, DriveRecord, ShardRecord, read_drive_records
-from interplan_sumo.errors import InputError, UnknownNameError
+from interplan_sumo.errors import InputError, UnknownNameError, check_names
 from interplan_sumo.features import schema
 from interplan_sumo.world.files import file_hash
 
@@ -127,9 +127,7 @@ def _names(fields: Sequence[str] | None) -> list[str] | None:
     """The arrays that hold some fields."""
     if fields is None:
         return None
-    for name in fields:
-        if name not in schema.BY_NAME:
-            raise UnknownNameError("field", name, schema.BY_NAME)
+    check_names("field", fields, schema.BY_NAME)
     return [array for name in fields for array in ((name, offsets_name(name)) if name in RAGGED else (name,))]
 
 

@@ -49,12 +49,12 @@ class Window:
     map: MapFiles
 
 
-def windows(source: Path, map: str, format: str | None = None) -> list[Window]:
+def windows(source: Path, map: str) -> list[Window]:
     """The windows of a recording, or of all logs in a folder; `map` as `scenarios import` takes it.
 
     InputError if nothing can be read.
     """
-    name = format_of(source, format)
+    name = format_of(source)
     kind = RECORDING_FORMATS[name]
     if isinstance(kind, SceneFormat):
         raise InputError(f"{source} is {kind.title}, no recording; give the recordings themselves")
@@ -121,14 +121,11 @@ def _trace(scenario: Scenario, roads: Roads, recording: Recording, ego: Recorded
     poses = _poses(recording, ego, round(scenario.duration_s / STEP_S) + 1)
     shape = body(ego.length_m, ego.width_m)
     time_us = np.arange(len(poses)) * round(STEP_S * 1e6)
-    traffic = open_traffic(scenario, roads)
-    try:
-        scenes = []
+    scenes = []
+    with open_traffic(scenario, roads) as traffic:
         for _ in poses:
             scenes.append(traffic.observe())
             traffic.advance()
-    finally:
-        traffic.close()
     actors = ActorTable.of([each.actors for each in scenes])
     signals = tuple(each.signals for each in scenes)
     return Trace(ego_track(time_us, poses, shape), actors, signals, (), np.zeros(0), shape)

@@ -16,6 +16,7 @@ from interplan_sumo.endurance.rate_sample import (
     MeasureKey,
     RateSample,
     Stratum,
+    WeighedSegment,
     natural_probabilities,
     rare_weights,
     weighed,
@@ -72,14 +73,10 @@ def looks(
     found: list[tuple[int, float, RateSample, ClusterRate, float]] = []
     for end in range(batch, _complete(ordered) + 1, batch):
         until = [each for each in known if each.record.index < end]
-        metres = sum(each.record.metres for each in until)
-        naive = sum(each.record.metres for each in until if each.record.naive)
-        if naive < FEWEST_NAIVE * metres or not naive:
+        seen = _seen(until, natural, measure)
+        if seen is None:
             continue
-        sample = RateSample(until, rare_weights(until, natural), measure)
-        spread = sample.rate("total") if sample.enough("total") else None
-        if spread is None:
-            continue
+        metres, sample, spread = seen
         information = min(1.0, (relative_to_log(wanted) / spread.half_width_of_log(_confidence(WIDEST))) ** 2)
         if information < (found[-1][4] if found else 0.0) + LEAST_NEWS:
             continue
@@ -108,6 +105,19 @@ def looks(
 def stopped_at(segments: Sequence[SegmentRecord], measure: MeasureKey, batch: int, wanted: float) -> RateLook | None:
     """The first look at which the rate is known as well as wanted; None before that."""
     return next((look for look in looks(segments, measure, batch, wanted) if look.half_width <= wanted), None)
+
+
+def _seen(
+    segments: Sequence[WeighedSegment], natural: Mapping[RareKind, float], measure: MeasureKey
+) -> tuple[float, RateSample, ClusterRate] | None:
+    """Metres, sample and total rate of some segments; None where they tell no interval."""
+    metres = sum(each.record.metres for each in segments)
+    naive = sum(each.record.metres for each in segments if each.record.naive)
+    if naive < FEWEST_NAIVE * metres or not naive:
+        return None
+    sample = RateSample(segments, rare_weights(segments, natural), measure)
+    spread = sample.rate("total") if sample.enough("total") else None
+    return None if spread is None else (metres, sample, spread)
 
 
 def _complete(segments: Sequence[SegmentRecord]) -> int:
@@ -146,15 +156,10 @@ def widths(
     found: list[WidthPoint] = []
     count = float(len(known))
     for _ in range(MOST_WIDTHS):
-        until = known[: round(count)]
-        metres = sum(each.record.metres for each in until)
-        naive = sum(each.record.metres for each in until if each.record.naive)
-        if not naive or naive < FEWEST_NAIVE * metres:
+        seen = _seen(known[: round(count)], natural, measure)
+        if seen is None:
             break
-        sample = RateSample(until, rare_weights(until, natural), measure)
-        spread = sample.rate("total") if sample.enough("total") else None
-        if spread is None:
-            break
+        metres, _, spread = seen
         found.append(WidthPoint(metres / 1000.0, spread.half_width()))
         count *= FEWER
     return found[::-1]

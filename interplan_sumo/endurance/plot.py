@@ -26,7 +26,6 @@ LINES: Final = ("-", "--", ":")
 def plot_endurance(report: EnduranceReport, path: Path) -> None:
     """Draw it into a file (.png, .pdf, .svg); InputError if it cannot be written, or there is nothing to draw."""
     need_matplotlib()
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     from matplotlib.ticker import FuncFormatter, NullLocator
 
@@ -38,7 +37,6 @@ def plot_endurance(report: EnduranceReport, path: Path) -> None:
     across = min(count, ACROSS)
     down = -(-count // across)
     figure = Figure(figsize=(across * PANEL[0], down * PANEL[1] + 0.3), layout="constrained")
-    FigureCanvasAgg(figure)
     grid: Any = figure.subplots(down, across, squeeze=False)
     looks = {each.planner: planner_look(number) for number, each in enumerate(report.rates.planners)}
     axis = RateAxis.of(cells, report)

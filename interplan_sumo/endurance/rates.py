@@ -278,13 +278,6 @@ def _given(sample: RateSample, kind: RareKind) -> FailuresGiven:
     return FailuresGiven(per_event, _scaled(spread, 1.0), sample.rare[kind].natural * per_event, len(parts))
 
 
-def half_width(estimate: RateEstimate) -> float | None:
-    """Half the interval over the rate; None without an interval."""
-    if estimate.interval is None or not estimate.per_1000_km > 0.0:
-        return None
-    return (estimate.interval[1] - estimate.interval[0]) / (2.0 * estimate.per_1000_km)
-
-
 def log_ratio(a: RateEstimate, b: RateEstimate) -> tuple[float, Range] | None:
     """The ratio of two independent rates and its 95 % interval; None where one of them has none."""
     if a.interval is None or b.interval is None or a.spread is None or b.spread is None:

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from interplan_sumo.endurance.looks import HoursNeeded, RateLook, hours_needed, looks
+from interplan_sumo.endurance.looks import HoursNeeded, RateLook, hours_needed, looks, stopped_at
 from interplan_sumo.endurance.rate_sample import MeasureKey, Stratum
 from interplan_sumo.endurance.rates import DrivenRates, endurance_rates
 from interplan_sumo.endurance.records import SegmentRecord
@@ -54,8 +54,7 @@ class StopRule:
 
     def stop(self, done: Sequence[SegmentRecord]) -> RateLook | None:
         """The look that ends it; None before that."""
-        found = self.last_look(done)
-        return found if found is not None and found.half_width <= self.half_width else None
+        return stopped_at(done, self.measure, self.batch, self.half_width)
 
     def last_look(self, done: Sequence[SegmentRecord]) -> RateLook | None:
         """The first one at which the rate is known, else the last one; None where no batch had an interval."""
@@ -73,12 +72,8 @@ class StopRule:
         return StopStanding(self, upto, metres, self.last_look(records), self._needed(driven))
 
     def _needed(self, driven: DrivenRates) -> dict[Stratum, HoursNeeded]:
-        found: dict[Stratum, HoursNeeded] = {}
-        for stratum in STRATA:
-            needed = hours_needed(driven, self.measure, self.half_width, stratum)
-            if needed is not None:
-                found[stratum] = needed
-        return found
+        every = ((stratum, hours_needed(driven, self.measure, self.half_width, stratum)) for stratum in STRATA)
+        return {stratum: needed for stratum, needed in every if needed is not None}
 
 
 @dataclass(frozen=True, slots=True)

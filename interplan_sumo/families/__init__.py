@@ -39,9 +39,9 @@ def original_names() -> dict[str, str]:
     return {each.original: name for name, each in families().items() if each.original}
 
 
-__all__ = ["FAMILIES", "Family", "StartCheck", "families", "find_family", "names", "original_names"]
-
-
 def named_family(id: str) -> str:
     """By which a scenario is called: ids are `family/number`, or `map.family/number` where one was made for a map."""
     return id.partition("/")[0].rpartition(".")[2]
+
+
+__all__ = ["FAMILIES", "Family", "StartCheck", "families", "find_family", "named_family", "names", "original_names"]

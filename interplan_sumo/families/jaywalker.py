@@ -39,7 +39,6 @@ KERB_M: Final = 0.5
 BEYOND_KERB_M: Final = 1.0
 MIDDLE_OF_EGO_S: Final = 0.2
 """A person is in the middle of the lane this long after the front of a car that holds its speed is there."""
-RUNS_MPS: Final = (2.5, 3.3)
 CYCLES_MPS: Final = (2.6, 3.6)
 COURSES: Final = {"straight": 0.75, "stops": 0.09, "turns back": 0.08, "runs": 0.08}
 """One in four stops midway, turns back or breaks into a run (benchmark.md, version 2)."""

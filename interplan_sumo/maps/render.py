@@ -63,7 +63,6 @@ def render_map(
     to draw or the file cannot be written.
     """
     need_matplotlib("a picture of a map")
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     if not roads.lanes:
@@ -73,7 +72,6 @@ def render_map(
     width_m, height_m = high_x - low_x, high_y - low_y
     scale = min(1500.0 / max(width_m, height_m), 12.0)
     figure = Figure(figsize=(width_m * scale / 100.0, height_m * scale / 100.0), dpi=100)
-    FigureCanvasAgg(figure)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     figure.set_facecolor(PAPER)
     axes.set_axis_off()

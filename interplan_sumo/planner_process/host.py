@@ -93,8 +93,9 @@ def _called(call: Callable[[], object], what: str) -> Failed | None:
     return None
 
 
-def main(spec: str) -> None:
-    """Answer until nobody asks any more."""
+def run(about: dict[str, Any]) -> None:
+    """Build the planner that `command` describes, and answer until nobody asks any more."""
+    sys.argv = [about["planner"]]
     requests, replies = os.fdopen(REQUESTS, "rb"), os.fdopen(REPLIES, "wb", buffering=0)
     for each in (requests, replies):  # what the planner starts has no business with them
         os.set_inheritable(each.fileno(), False)
@@ -102,7 +103,7 @@ def main(spec: str) -> None:
     if isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(line_buffering=True)  # what it prints is there when it fails
     home = os.getpid()
-    greeting, host = _greeting(spec)
+    greeting, host = _greeting(about["planner"])
     replies.write(msgspec.json.encode(greeting) + b"\n")
     if host is None or not requests.readline():
         return
@@ -141,9 +142,3 @@ def _write(replies: BinaryIO, message: bytes) -> None:
     left = memoryview(len(message).to_bytes(LENGTH_BYTES, "little") + message)
     while left:
         left = left[replies.write(left) :]
-
-
-def run(settings: dict[str, Any]) -> None:
-    """Be the host that `process` describes."""
-    sys.argv = [settings["planner"]]
-    main(settings["planner"])

@@ -103,16 +103,8 @@ PlanReply = PackedPlan | ListedPlan
 
 def trajectory(reply: PlanReply) -> Trajectory:
     """The plan of a reply; ValueError if it is none."""
-    columns: list[NDArray[np.float64] | None] = []
-    for name in ("time_s", "x_m", "y_m", "heading_rad", "speed_mps"):
-        values: bytes | list[float] | None = getattr(reply, name)
-        columns.append(_unpacked(values) if isinstance(values, bytes) else None if values is None else np.array(values))
-    time_s, x_m, y_m, heading_rad, speed_mps = columns
-    assert time_s is not None
-    assert x_m is not None
-    assert y_m is not None
-    assert heading_rad is not None
-    return Trajectory(time_s, x_m, y_m, heading_rad, speed_mps)
+    needed = map(_unpacked, (reply.time_s, reply.x_m, reply.y_m, reply.heading_rad))
+    return Trajectory(*needed, None if reply.speed_mps is None else _unpacked(reply.speed_mps))
 
 
 def packed_plan(plan: Trajectory, wall_s: float) -> PackedPlan:
@@ -149,8 +141,8 @@ def _packed(array: NDArray[Any]) -> bytes:
     return array.tobytes() if array.dtype == np.int8 else packed(array)
 
 
-def _unpacked(values: bytes) -> NDArray[np.float64]:
-    return np.frombuffer(values, dtype="<f8")
+def _unpacked(values: bytes | list[float]) -> NDArray[np.float64]:
+    return np.frombuffer(values, dtype="<f8") if isinstance(values, bytes) else np.array(values)
 
 
 def _plain(value: Any) -> Any:

@@ -55,7 +55,7 @@ def _of_model(folder: Path, model: str) -> Baseline:
 
 
 def simulated_baselines(
-    baselines: Sequence[Baseline], views: Sequence[RecordedView], say: Callable[[str], None], seed: int = 0
+    baselines: Sequence[Baseline], views: Sequence[RecordedView], say: Callable[[str], None]
 ) -> dict[str, FeatureSamples]:
     """The features of the plain traffic of each, seen as recordings see theirs, by name.
 
@@ -68,7 +68,7 @@ def simulated_baselines(
     for number, (each, drivers) in enumerate(zip(baselines, types, strict=True), start=1):
         say(f"simulating {number} of {len(baselines)}: {each.name}")
         try:
-            found[each.name] = feature_samples(plain_traffic(drivers, each.name, views, seed))
+            found[each.name] = feature_samples(plain_traffic(drivers, each.name, views))
         except TrafficError as error:
             say(f"warning: {each.name} is left out: {error}")
     return found

@@ -16,7 +16,6 @@ from interplan_sumo.world.geometry import Floats, Ints
 
 PARAMETERS: Final = ("time_gap_s", "standstill_gap_m", "accel_mps2", "decel_mps2", "speed_factor")
 """T, s0, a, b and v0 over the speed that the place allows; columns of every array of parameters here."""
-EXPONENT: Final = 4.0
 SMALLEST_GAP_M: Final = 0.1
 HARDEST_MPS2: Final = 9.0
 """Nobody brakes harder, as `emergencyDecel` has it."""
@@ -83,11 +82,8 @@ def batch_of(episodes: Sequence[tuple[int, float, Episode]]) -> EpisodeBatch:
     )
 
 
-def simulated_gaps(batch: EpisodeBatch, parameters: Floats, delay: int = 0) -> Floats:
-    """(K, ..., E) gaps of followers who start as recorded and drive by (..., E, 5) parameters behind the leaders.
-
-    They see gap and leader as these were `delay` time steps ago.
-    """
+def simulated_gaps(batch: EpisodeBatch, parameters: Floats) -> Floats:
+    """(K, ..., E) gaps of followers who start as recorded and drive by (..., E, 5) parameters behind the leaders."""
     time_gap_s, standstill_gap_m, accel_mps2, decel_mps2, factor = np.moveaxis(parameters, -1, 0)
     comfort_mps2 = 2.0 * np.sqrt(accel_mps2 * decel_mps2)
     over_desired = 1.0 / (factor * batch.allowed_mps)
@@ -97,7 +93,7 @@ def simulated_gaps(batch: EpisodeBatch, parameters: Floats, delay: int = 0) -> F
     way_m = np.zeros(time_gap_s.shape)
     for row in range(1, len(gaps_m)):
         on = slice(0, int(np.searchsorted(-batch.rows, -row)))  # those with more rows than this
-        v, step_s, seen = speed_mps[..., on], batch.step_s[on], max(0, row - 1 - delay)
+        v, step_s, seen = speed_mps[..., on], batch.step_s[on], row - 1
         closing = v * (v - batch.leader_mps[seen, on]) / comfort_mps2[..., on]
         wished_m = standstill_gap_m[..., on] + np.maximum(0.0, v * time_gap_s[..., on] + closing)
         ratio = wished_m / np.maximum(gaps_m[seen, ..., on], SMALLEST_GAP_M)

@@ -49,7 +49,7 @@ class DriverPopulation:
         """A fitted population of `PARAMETERS`, with what has been published about the rest."""
         # Both sides are accepted by one factor in SUMO: their geometric mean. Half of the variance is the driver's.
         critical_s = np.sqrt(CRITICAL_LEAD_GAP_S * CRITICAL_LAG_GAP_S)
-        rest = ((REACTION_S), (critical_s, CRITICAL_GAP_SIGMA / np.sqrt(2.0)), (LANE_CHANGE_S))
+        rest = (REACTION_S, (critical_s, CRITICAL_GAP_SIGMA / np.sqrt(2.0)), LANE_CHANGE_S)
         whole = np.diag([0.0] * len(PARAMETERS) + [sigma**2 for _, sigma in rest])
         whole[: len(PARAMETERS), : len(PARAMETERS)] = fit.covariance
         return cls(np.append(fit.mean, [np.log(median) for median, _ in rest]), whole)

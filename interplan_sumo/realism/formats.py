@@ -93,16 +93,8 @@ def realism_tables(report: RealismReport) -> Iterator[RenderableType]:
     for row in report.rows:
         if row.kind == "run":
             grid = Grid(title=Text(row.name), title_justify="left")
-            for title in (
-                "feature",
-                "simulated n",
-                "recorded n",
-                "simulated p5 / p50 / p95",
-                "recorded p5 / p50 / p95",
-            ):
+            for title in COLUMNS:
                 grid.add_column(title, justify="left" if title == "feature" else "right")
-            for title in ("KS", "KS, median of places", "places apart", "Wasserstein", "likelihood"):
-                grid.add_column(title, justify="right")
             for feature in FEATURES:
                 grid.add_row(*feature_cells(feature, row.features[feature.key], report))
             yield grid

@@ -14,7 +14,7 @@ from interplan_sumo.realism.distances import Sample, kolmogorov_smirnov
 from interplan_sumo.realism.driver_fit import DriverEvidence, DriverFit, fit_drivers
 from interplan_sumo.realism.driver_population import DriverPopulation
 from interplan_sumo.realism.following import Following
-from interplan_sumo.realism.observed_drivers import ObservedDriver, ObservedDrivers
+from interplan_sumo.realism.observed_drivers import ObservedDrivers
 from interplan_sumo.realism.published import DriverPrior
 from interplan_sumo.world.geometry import Floats
 
@@ -127,8 +127,7 @@ def _rows(episode: Following, rows: slice) -> Following:
 
 def _following(drivers: ObservedDrivers) -> ObservedDrivers:
     """Those who follow somebody."""
-    found: list[ObservedDriver] = [each for each in drivers.drivers if each.episodes]
-    return replace(drivers, drivers=tuple(found))
+    return replace(drivers, drivers=tuple(each for each in drivers.drivers if each.episodes))
 
 
 def _seen(drivers: ObservedDrivers) -> Mapping[str, Sample]:

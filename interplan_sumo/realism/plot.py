@@ -19,7 +19,6 @@ ACROSS: Final = 4
 
 def plot_realism(report: RealismReport, path: Path) -> None:
     """Draw the features that are scored into a file (.png, .pdf, .svg); InputError if it cannot be written."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     shown = report.recorded.scored
@@ -27,7 +26,6 @@ def plot_realism(report: RealismReport, path: Path) -> None:
         raise InputError(f"nothing to draw: no feature has {FEWEST} recorded road users; name more recordings")
     down = -(-len(shown) // ACROSS)
     figure = Figure(figsize=(ACROSS * PANEL[0], down * PANEL[1] + 0.3), layout="constrained")
-    FigureCanvasAgg(figure)
     grid: Any = figure.subplots(down, ACROSS, squeeze=False)
     for axes in grid.flat[len(shown) :]:
         axes.set_axis_off()

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Final
 from xml.sax.saxutils import escape
 
-from interplan_sumo.errors import InputError
 from interplan_sumo.realism.driver_population import QUALITIES
 from interplan_sumo.realism.published import RELAXATION_S
+from interplan_sumo.world.files import writing
 from interplan_sumo.world.geometry import Floats
 
 LANE_WIDTH_M: Final = 3.5
@@ -51,10 +51,8 @@ def vehicle_type_text(drivers: Floats, waver_mps2: float, comment: Sequence[str]
 
 def write_vehicle_types(path: Path, text: str) -> None:
     """InputError where it cannot be written."""
-    try:
+    with writing(path):
         path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror or error}") from None
 
 
 def _type(number: int, driver: Floats, waver_mps2: float) -> str:

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from interplan_sumo.batch.run_folder import MANIFEST, StoredRun, read_run
-from interplan_sumo.errors import InputError, UnknownNameError
+from interplan_sumo.errors import InputError, UnknownNameError, check_names
 from interplan_sumo.families import named_family
 from interplan_sumo.families.scene_space import PLACE, quantiles_apart
 from interplan_sumo.verification.generation import PARAMETERS, NotedDraw, read_parameters
@@ -221,9 +221,7 @@ def atlas(
     axes = _axes(own)
     if len(axes) < 2:
         raise InputError(f"the scenes of {of_family} have fewer than two parameters that differ; search more of them")
-    for name in over:
-        if name not in axes:
-            raise UnknownNameError("parameter that the scenes differ in", name, axes)
+    check_names("parameter that the scenes differ in", over, axes)
     if over and (len(over) != 2 or over[0] == over[1]):
         raise InputError(f"--over {','.join(over)}: name two parameters, such as {','.join([*axes][:2])}")
     names, told, by_chance, alone = _chosen(own, axes, over)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib.resources import files
 from pathlib import Path
 from typing import Any, Final
 
@@ -11,10 +10,10 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from interplan_sumo.report.leaderboard import Entry, Leaderboard
-from interplan_sumo.report.page import html as pages
 from interplan_sumo.report.page.document import drive_links
 from interplan_sumo.report.page.drives import shown_drives
 from interplan_sumo.report.page.figures import best_figure
+from interplan_sumo.report.page.html import html, style_of
 from interplan_sumo.report.page.replays import write_replays
 from interplan_sumo.report.table import Line
 from interplan_sumo.report.table_formats import as_json, as_text, notes, shown_columns
@@ -101,10 +100,9 @@ def leaderboard_page(board: Leaderboard, path: Path | None = None) -> str:
     table, shown = board.table, shown_columns(board.table, paper=False)
     drives = shown_drives(table)
     links = drive_links(drives, path)
-    part = files(pages.__package__ or "")
-    return pages.html(
+    return html(
         "leaderboard.html.j2",
-        style=part.joinpath("page.css").read_text(encoding="utf-8"),
+        style=style_of("page.css"),
         script="",
         title="interplan-sumo leaderboard",
         table=table,

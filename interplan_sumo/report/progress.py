@@ -16,6 +16,7 @@ from interplan_sumo.batch.briefs import Brief
 from interplan_sumo.batch.records import JobKey, Row
 from interplan_sumo.errors import counted
 from interplan_sumo.report.failure_reasons import fault_sentence
+from interplan_sumo.report.text import drive_name
 
 PLAIN_EVERY_S = 10.0
 PLAIN_SHARE = 0.1
@@ -194,4 +195,4 @@ def _beginning(about: str, jobs: int, before: int) -> str:
 
 def _fault(row: Row, number: int) -> str:
     more = "; further faults are only counted" if number == FAULTS_TOLD else ""
-    return f"{row.scenario_id}, {row.planner}, seed {row.seed}: {fault_sentence(row)}{more}"
+    return f"{drive_name(row)}: {fault_sentence(row)}{more}"

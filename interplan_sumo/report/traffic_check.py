@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from interplan_sumo.errors import InputError, TrafficError, VehicleTypeError
 from interplan_sumo.extras import need_matplotlib
-from interplan_sumo.simulation.standard_situations import SITUATIONS, Answer, Situation, answer
+from interplan_sumo.simulation.standard_situations import SITUATIONS, Answer, answer
 from interplan_sumo.simulation.vehicle_type_effects import Idle, idle_attributes
 from interplan_sumo.simulation.vehicle_types import VehicleType, VehicleTypes, read_vehicle_types
 
@@ -45,20 +45,20 @@ class TrafficCheck:
     types: tuple[TypeCheck, ...]
 
 
-def check_traffic(path: Path, situations: Sequence[Situation] = SITUATIONS) -> TrafficCheck:
+def check_traffic(path: Path) -> TrafficCheck:
     """Read a file, and drive its types. VehicleTypeError if it cannot be used, also if only SUMO finds out."""
     types = read_vehicle_types(path)
     drivers = (*types.members, *types.others)
-    return TrafficCheck(path, types.warnings, tuple(_check(types, driver, situations) for driver in drivers))
+    return TrafficCheck(path, types.warnings, tuple(_check(types, driver) for driver in drivers))
 
 
-def _check(types: VehicleTypes, driver: VehicleType, situations: Sequence[Situation]) -> TypeCheck:
+def _check(types: VehicleTypes, driver: VehicleType) -> TypeCheck:
     element = types.elements[driver.id]
     idle = tuple(idle_attributes(element.attributes, element.model, element.parameters))
     names = {each.attribute for each in idle} | _NAMING
     given = {**element.attributes, **element.parameters}
     answers: dict[str, Answer] = {}
-    for situation in situations:
+    for situation in SITUATIONS:
         try:
             answers[situation.name] = answer(situation, types, driver)
         except TrafficError as error:
@@ -132,12 +132,10 @@ def check_tables(check: TrafficCheck) -> Iterable[Table | str]:
 def plot_check(check: TrafficCheck, path: Path) -> None:
     """Speed and gap over time, a row per situation; InputError without matplotlib, or where it cannot be written."""
     need_matplotlib()
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     shown = [each for each in SITUATIONS if any(each.name in one.answers for one in check.types)]
     figure = Figure(figsize=(11, 2.4 * len(shown)), layout="constrained")
-    FigureCanvasAgg(figure)
     axes: Any = figure.subplots(len(shown), 2, squeeze=False, sharex=True)
     for (speeds, gaps), situation in zip(axes, shown, strict=True):
         for number, each in enumerate(check.types):

@@ -23,7 +23,8 @@ FELT_MPS2: Final = 1.5
 
 def shows_its_type(scenario: Scenario, trace: Trace) -> bool:
     """Whether a drive through a scene has what the scene's family is named after; families that are no type have it."""
-    return _SHOWS.get(scenario.family, _always)(scenario, trace)
+    shows = _SHOWS.get(scenario.family)
+    return shows is None or shows(scenario, trace)
 
 
 def _turned_rad(trace: Trace) -> float:
@@ -76,14 +77,6 @@ def _crowded(_scenario: Scenario, trace: Trace) -> bool:
     return frames >= 10
 
 
-def _waits_for_people(scenario: Scenario, trace: Trace) -> bool:
-    return float(trace.ego.vx_mps.min()) <= 0.6 * scenario.start_speed_mps
-
-
-def _always(_scenario: Scenario, _trace: Trace) -> bool:
-    return True
-
-
 _SHOWS: Final[dict[str, Callable[[Scenario, Trace], bool]]] = {
     "starting_left_turn": lambda _, trace: _turned_rad(trace) > TURN_RAD,
     "starting_right_turn": lambda _, trace: _turned_rad(trace) < -TURN_RAD,
@@ -94,7 +87,9 @@ _SHOWS: Final[dict[str, Callable[[Scenario, Trace], bool]]] = {
     ),
     "high_magnitude_speed": lambda _, trace: float(trace.ego.vx_mps.max()) > 15.0,
     "low_magnitude_speed": lambda _, trace: float(trace.ego.vx_mps[0]) < 2.0,
-    "waiting_for_pedestrian_to_cross": _waits_for_people,
+    "waiting_for_pedestrian_to_cross": lambda scenario, trace: bool(
+        trace.ego.vx_mps.min() <= 0.6 * scenario.start_speed_mps
+    ),
     "behind_long_vehicle": _follows(LONG_M),
     "stationary_in_traffic": _stands_in_traffic,
     "near_multiple_vehicles": _crowded,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, NoReturn
@@ -93,13 +93,11 @@ def _cuts(configuration: Configuration, logs: Sequence[Path], map: str) -> tuple
     return cuts, problems
 
 
-def _held(files: Iterable[Path], tokens: Sequence[str]) -> tuple[dict[str, Path], dict[str, str]]:
+def _held(files: Sequence[Path], tokens: Sequence[str]) -> tuple[dict[str, Path], dict[str, str]]:
     """Which log holds each token, the first of several; for the others that none does, and which could not be read."""
     held: dict[str, Path] = {}
     broken: list[str] = []
-    count = 0
     for file in files:
-        count += 1
         missing = [token for token in tokens if token not in held]
         try:
             held |= dict.fromkeys(tokens_held(file, missing), file)
@@ -107,7 +105,7 @@ def _held(files: Iterable[Path], tokens: Sequence[str]) -> tuple[dict[str, Path]
             broken.append(str(error))
     unread = f"; {len(broken)} could not be read, such as {broken[0]}" if broken else ""
     reason = "token {} is in none of the {} logs{}"
-    return held, {token: reason.format(token, count, unread) for token in tokens if token not in held}
+    return held, {token: reason.format(token, len(files), unread) for token in tokens if token not in held}
 
 
 def _read(path: Path) -> NoReturn:

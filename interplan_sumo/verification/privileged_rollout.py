@@ -27,7 +27,7 @@ from interplan_sumo.simulation.episode import DT_S
 from interplan_sumo.verification.corridor import GRID_M, FrenetCorridor, smoothed
 from interplan_sumo.verification.drivable_paths import DrivablePath, headings_of, quintic
 from interplan_sumo.verification.planning_problem import SpeedProfile
-from interplan_sumo.world.ego import PACIFICA, EgoShape, EgoState
+from interplan_sumo.world.ego import PACIFICA, EgoState
 from interplan_sumo.world.geometry import Floats, wrap_angle
 from interplan_sumo.world.trajectory import Trajectory
 
@@ -210,30 +210,30 @@ def _place_on(line: RolloutPath, ego: EgoState, near_m: float) -> float:
     return float(line.along_m[i]) + max(-GRID_M, min(GRID_M, ahead_m))
 
 
-def _steering_radps(line: RolloutPath, ego: EgoState, shape: EgoShape = PACIFICA) -> float:
+def _steering_radps(line: RolloutPath, ego: EgoState) -> float:
     """The tyre rate that brings the rear axle back to the line, by the quintic from where and how it is now."""
-    rear = ego.rear_axle(shape)
+    rear = ego.rear_axle(PACIFICA)
     at_m, off_m = _beside(line, rear.x_m, rear.y_m)
     heading_rad, bend, change = (
         float(np.interp(at_m, line.along_m, column))
         for column in (line.heading_rad, line.bend_per_m, line.bend_change_per_m2)
     )
     turned = float(wrap_angle(ego.heading_rad - heading_rad))
-    off_m -= bend * shape.rear_axle_to_center_m**2 / 2.0  # in a bend the rear runs further in than the centre
-    own_bend = tan(ego.tire_angle_rad) / shape.wheelbase_m
+    off_m -= bend * PACIFICA.rear_axle_to_center_m**2 / 2.0  # in a bend the rear runs further in than the centre
+    own_bend = tan(ego.tire_angle_rad) / PACIFICA.wheelbase_m
     length_m = max(RETURN_S * ego.vx_mps, SHORTEST_RETURN_M)
     jerk = -60.0 * off_m / length_m**3 - 36.0 * tan(turned) / length_m**2 - 9.0 * (own_bend - bend) / length_m
-    rate = shape.wheelbase_m * cos(ego.tire_angle_rad) ** 2 * ego.vx_mps * (change + jerk)
+    rate = PACIFICA.wheelbase_m * cos(ego.tire_angle_rad) ** 2 * ego.vx_mps * (change + jerk)
     return max(-STEERING_RADPS, min(STEERING_RADPS, rate))
 
 
-def _turning_mps2(ego: EgoState, steering_radps: float, shape: EgoShape = PACIFICA) -> float:
+def _turning_mps2(ego: EgoState, steering_radps: float) -> float:
     """What turning adds to the acceleration along the car in the metric of comfort: the yaw acceleration leaks in."""
     change = steering_radps / cos(ego.tire_angle_rad) ** 2 * ego.vx_mps + tan(ego.tire_angle_rad) * ego.ax_mps2
-    return shape.rear_axle_to_center_m * (ego.yaw_rate_radps**2 + change / shape.wheelbase_m)
+    return PACIFICA.rear_axle_to_center_m * (ego.yaw_rate_radps**2 + change / PACIFICA.wheelbase_m)
 
 
-def _plan(ego: EgoState, push_mps2: float, steering_radps: float, shape: EgoShape = PACIFICA) -> Trajectory:
+def _plan(ego: EgoState, push_mps2: float, steering_radps: float) -> Trajectory:
     """A plan that makes the tracker accelerate and steer as wanted: the motion under both, drawn out.
 
     The tracker holds back a little of either: it weighs effort against error.
@@ -244,7 +244,7 @@ def _plan(ego: EgoState, push_mps2: float, steering_radps: float, shape: EgoShap
     for i in range(HORIZON_STEPS):
         travelled_m = DT_S * max(0.0, speed + i * DT_S * acceleration)
         lateral_effect += travelled_m * heading_effect
-        heading_effect += travelled_m * i * DT_S / shape.wheelbase_m
+        heading_effect += travelled_m * i * DT_S / PACIFICA.wheelbase_m
     pull = LATERAL_WEIGHT * lateral_effect**2 + HEADING_WEIGHT * heading_effect**2
     rate = steering_radps * (pull + TIRE_RATE_WEIGHT) / max(pull, 0.1)
     count = round(PLAN_S / DT_S)
@@ -252,11 +252,13 @@ def _plan(ego: EgoState, push_mps2: float, steering_radps: float, shape: EgoShap
     speeds = np.maximum(0.0, speed + slope * after_s)
     tires = np.clip(ego.tire_angle_rad + rate * after_s, -LARGEST_TIRE_RAD, LARGEST_TIRE_RAD)
     travelled = DT_S * (speeds[:-1] + speeds[1:]) / 2.0
-    heading = ego.heading_rad + np.concatenate(([0.0], np.cumsum(travelled * np.tan(tires[:-1]) / shape.wheelbase_m)))
-    rear = ego.rear_axle(shape)
+    heading = ego.heading_rad + np.concatenate(
+        ([0.0], np.cumsum(travelled * np.tan(tires[:-1]) / PACIFICA.wheelbase_m))
+    )
+    rear = ego.rear_axle(PACIFICA)
     x = rear.x_m + np.concatenate(([0.0], np.cumsum(travelled * np.cos(heading[:-1]))))
     y = rear.y_m + np.concatenate(([0.0], np.cumsum(travelled * np.sin(heading[:-1]))))
-    ahead_m = shape.rear_axle_to_center_m
+    ahead_m = PACIFICA.rear_axle_to_center_m
     return Trajectory(
         ego.time_s + after_s, x + ahead_m * np.cos(heading), y + ahead_m * np.sin(heading), wrap_angle(heading)
     )

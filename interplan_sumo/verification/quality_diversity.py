@@ -45,9 +45,7 @@ _Cell = tuple[int, int]
 class EliteGrid:
     """The best point of each cell."""
 
-    best: dict[tuple[int, int], tuple[float, Floats]] = field(
-        default_factory=dict[tuple[int, int], tuple[float, Floats]]
-    )
+    best: dict[_Cell, tuple[float, Floats]] = field(default_factory=dict[_Cell, tuple[float, Floats]])
 
     def improvement(self, value: float, measures: tuple[float, float]) -> float:
         """How much better a point is than the one in its cell."""

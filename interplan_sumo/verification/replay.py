@@ -52,10 +52,10 @@ def replay(scenario: Scenario, track: EgoTrack, *, seed: int = 0) -> Trace:
     return Trace(EgoTrack.of(states), others, tuple(signals), (), np.zeros(0))
 
 
-def first_frame(scenario: Scenario, *, seed: int = 0) -> Trace:
+def first_frame(scenario: Scenario) -> Trace:
     """A trace of the first frame only."""
     roads = load_roads(scenario.map, scenario.maps_beside)
-    return replay(scenario, EgoTrack.of([start_state(scenario, roads)]), seed=seed)
+    return replay(scenario, EgoTrack.of([start_state(scenario, roads)]))
 
 
 def reference_drive(scenario: Scenario) -> Trace:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import re
+import glob
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from math import isfinite
@@ -140,7 +140,7 @@ class Session:
         )  # fmt: skip
         options = replace(seating.options, planners=(seating.name,), workers=0, out=out, plan_limit_s=0.0)
         files = tuple(each for each in options.scenarios if Path(each).suffix in (".yaml", ".yml"))
-        options = replace(options, scenarios=(*files, re.sub(r"([*?\[])", r"[\1]", scenario.id)))
+        options = replace(options, scenarios=(*files, glob.escape(scenario.id)))
         key = (scenario.id, seating.name, 0)
         while True:
             self.cockpit.show_scene(**self._told(number, scene))
@@ -210,7 +210,7 @@ def _as_driven(options: RunOptions, stored: StoredRun) -> RunOptions:
     return replace(
         options,
         suite=None if own.is_file() else stored.manifest.suite,
-        scenarios=(*((str(own),) if own.is_file() else ()), re.sub(r"([*?\[])", r"[\1]", wanted)),
+        scenarios=(*((str(own),) if own.is_file() else ()), glob.escape(wanted)),
         density=held.density,
         behaviour=held.behaviour,
         perception=held.perception,

@@ -6,8 +6,6 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-ARC = '<arc curvature="0.01"/>'
-
 
 def geometry(
     shape: str = "<line/>", length: float = 100.0, s: float = 0.0, place: tuple[float, ...] = (0, 0, 0)

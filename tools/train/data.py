@@ -72,9 +72,9 @@ class Balanced:
     Kinds are K-means clusters of where the ego will be; a future that ends early counts as standing at its end.
     """
 
-    def __init__(self, future: NDArray[Any], clusters: int = CLUSTERS) -> None:
+    def __init__(self, future: NDArray[Any]) -> None:
         """`future` is `ego_future` (S, 80, 4)."""
-        kind = _clusters(_places(future), clusters)
+        kind = _clusters(_places(future), CLUSTERS)
         share = np.bincount(kind)[kind] ** -0.5
         self._share: Floats = share / share.sum()
 

@@ -16,7 +16,7 @@ import numpy as np
 from interplan_learned.card import SIZES, Size
 from interplan_sumo.dataset.columns import Columns
 from interplan_sumo.dataset.reading import Dataset
-from interplan_sumo.errors import InputError, UnknownNameError
+from interplan_sumo.errors import InputError, UnknownNameError, check_names
 from interplan_sumo.extras import library
 
 if TYPE_CHECKING:
@@ -105,9 +105,7 @@ def find_recipe(planner: str, size: str | None = None, options: Mapping[str, Any
     make = importlib.import_module(f"{_MODELS}.{planner}").recipe
     given = dict(options or {})
     known = [name for name in inspect.signature(make).parameters if name != "size"]
-    for name in given:
-        if name not in known:
-            raise UnknownNameError(f"option of {planner}'s training", name, known)
+    check_names(f"option of {planner}'s training", given, known)
     return make(**given) if size is None else make(size, **given)
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from interplan_sumo.bridge.nuplan.config import arguments
-from interplan_sumo.errors import PlannerLoadError, UnknownNameError
+from interplan_sumo.errors import PlannerLoadError, check_names
 from interplan_sumo.planner import Planner
 
 CONFIG = "config"
@@ -57,22 +57,20 @@ def factory(target: str) -> Callable[..., Planner]:
             held = {} if config is None else arguments(Path(str(config)), f"{module}.{name}")
             return {**held, **options}
 
-        _check_names(kind, target, all_arguments())
+        _check_options(kind, target, all_arguments())
         # Made anew for each planner: planners change the objects that they are given.
         return NuPlanPlanner(lambda: kind(**all_arguments()))
 
     return make
 
 
-def _check_names(kind: Any, target: str, given: Iterable[str]) -> None:
+def _check_options(kind: Any, target: str, given: Iterable[str]) -> None:
     """UnknownNameError for an option that is no argument of the constructor."""
     parameters = inspect.signature(kind.__init__).parameters.values()
     if any(each.kind is inspect.Parameter.VAR_KEYWORD for each in parameters):
         return
     known = [CONFIG, *(each.name for each in list(parameters)[1:])]
-    for name in given:
-        if name not in known:
-            raise UnknownNameError(f"option of planner 'nuplan:{target}'", name, known)
+    check_names(f"option of planner 'nuplan:{target}'", given, known)
 
 
 def _exists(module: str) -> bool:

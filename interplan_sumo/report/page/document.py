@@ -22,7 +22,7 @@ from interplan_sumo.report.page.drives import (
     shown_drives,
 )
 from interplan_sumo.report.page.figures import best_figure, family_blocks, legend, scene_thumbnails, score_spread
-from interplan_sumo.report.page.html import html
+from interplan_sumo.report.page.html import html, style_of
 from interplan_sumo.report.page.replays import drive_folders
 from interplan_sumo.report.paper_comparison import published_figure, published_rows
 from interplan_sumo.report.table import ResultsTable
@@ -47,11 +47,10 @@ def page(
     replays = {file.name for file in folder.glob("*.html")} if folder is not None else set[str]()
     folders = drive_folders(table, runs)
     columns = shown_columns(table, paper=paper)
-    part = files(__package__ or "")
     return html(
         "report.html.j2",
-        style=part.joinpath("page.css").read_text(encoding="utf-8"),
-        script=part.joinpath("page.js").read_text(encoding="utf-8"),
+        style=style_of("page.css"),
+        script=files(__package__ or "").joinpath("page.js").read_text(encoding="utf-8"),
         title=title,
         table=table,
         missing=[f"{scenario} ({name}, seed {seed})" for line in table.lines for scenario, name, seed in line.missing],

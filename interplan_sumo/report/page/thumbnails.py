@@ -37,7 +37,7 @@ def thumbnail(scenario: Scenario, roads: Roads) -> Markup:
             for kind in ("dashed", "middle")
         ),
         _path("way", view, _clipped([goal.linestring], area), closed=False),
-        _path("thing", view, (_obstacle_corners(scenario, roads)), closed=True),
+        _path("thing", view, _obstacle_corners(scenario, roads), closed=True),
         _path("walk", view, _walks(scenario, roads), closed=False),
         _path("ego", view, [_ego_corners(scenario, roads)], closed=True),
     ]
@@ -99,7 +99,7 @@ def _obstacle_corners(scenario: Scenario, roads: Roads) -> list[Floats]:
     for obstacle in scenario.obstacles:
         pose, (length_m, width_m) = obstacle.pose(roads), obstacle.size_m
         wide = (max(length_m, 1.2), max(width_m, 1.2))  # a cone is seen, too
-        found.append(_box(pose.x_m, pose.y_m, pose.heading_rad, *wide))
+        found.append(box_corners(pose.x_m, pose.y_m, pose.heading_rad, *wide)[0])
     return found
 
 
@@ -110,8 +110,4 @@ def _walks(scenario: Scenario, roads: Roads) -> list[Floats]:
 
 def _ego_corners(scenario: Scenario, roads: Roads) -> Floats:
     pose = scenario.start.pose(roads)
-    return _box(pose.x_m, pose.y_m, pose.heading_rad, PACIFICA.length_m, PACIFICA.width_m)
-
-
-def _box(x_m: float, y_m: float, heading_rad: float, length_m: float, width_m: float) -> Floats:
-    return box_corners(x_m, y_m, heading_rad, length_m, width_m)[0]
+    return box_corners(pose.x_m, pose.y_m, pose.heading_rad, PACIFICA.length_m, PACIFICA.width_m)[0]
