@@ -103,8 +103,10 @@ PlanReply = PackedPlan | ListedPlan
 
 def trajectory(reply: PlanReply) -> Trajectory:
     """The plan of a reply; ValueError if it is none."""
-    needed = map(_unpacked, (reply.time_s, reply.x_m, reply.y_m, reply.heading_rad))
-    return Trajectory(*needed, None if reply.speed_mps is None else _unpacked(reply.speed_mps))
+    return Trajectory(
+        _unpacked(reply.time_s), _unpacked(reply.x_m), _unpacked(reply.y_m), _unpacked(reply.heading_rad),
+        None if reply.speed_mps is None else _unpacked(reply.speed_mps),
+    )  # fmt: skip
 
 
 def packed_plan(plan: Trajectory, wall_s: float) -> PackedPlan:

@@ -43,7 +43,7 @@ def _templates() -> Environment:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    made.globals["COLOURS"] = COLOURS
+    made.globals.update(COLOURS=COLOURS)
     return made
 
 
