@@ -6,7 +6,7 @@ import hashlib
 from base64 import b64encode
 from functools import cache
 from importlib.resources import files
-from typing import Final
+from typing import Final, cast
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
@@ -43,7 +43,7 @@ def _templates() -> Environment:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    made.globals.update(COLOURS=COLOURS)
+    cast("dict[str, object]", made.globals)["COLOURS"] = COLOURS
     return made
 
 
