@@ -427,6 +427,16 @@ def test_a_folder_whose_name_is_no_text_is_refused_before_anything_is_driven(
     assert not out.exists()
 
 
+def test_a_terminal_that_knows_fewer_characters_gets_what_it_knows() -> None:
+    command = [sys.executable, "-m", "interplan_sumo", "scenarios", "list"]
+    ended = subprocess.run(command, env={**os.environ, "PYTHONIOENCODING": "ascii"}, capture_output=True)
+    assert ended.returncode == 0, ended.stderr
+    assert b"nudge/0" in ended.stdout
+    code = "from interplan_sumo.report.printing import print_json; print_json(['Straße'])"
+    told = subprocess.run([sys.executable, "-c", code], env={**os.environ, "PYTHONIOENCODING": "ascii"}, stdout=-1)
+    assert json.loads(told.stdout) == ["Straße"]
+
+
 @pytest.mark.slow
 def test_output_that_cannot_be_written_is_one_line_and_closed_output_none() -> None:
     command = [sys.executable, "-m", "interplan_sumo", "planners", "list", "--json"]

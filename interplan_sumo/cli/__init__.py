@@ -162,6 +162,8 @@ def _open_standard_streams() -> None:
             os.open(os.devnull, os.O_RDWR)  # the lowest free number, which is this one
         if getattr(sys, name) is None:
             setattr(sys, name, open(os.devnull, "r" if number == 0 else "w"))  # noqa: SIM115 (until the process ends)
+    if isinstance(sys.stdout, io.TextIOWrapper):  # a terminal may know fewer characters than a table has
+        sys.stdout.reconfigure(errors="backslashreplace")
 
 
 def _forget_output() -> None:

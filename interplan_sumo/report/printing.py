@@ -63,8 +63,9 @@ def write_page(
 
 
 def print_json(document: object) -> None:
-    """One document; refuses numbers that JSON does not have."""
-    json.dump(document, sys.stdout, indent=2, ensure_ascii=False, allow_nan=False)
+    """One document; refuses numbers that JSON does not have. It is JSON in any encoding of the output."""
+    unicode = (sys.stdout.encoding or "utf-8").lower().startswith("utf")
+    json.dump(document, sys.stdout, indent=2, ensure_ascii=not unicode, allow_nan=False)
     print()
 
 
