@@ -34,6 +34,8 @@ class MadeUpSuite:
     """Of success, mean over the scenes of the first and of the last family; those between lie evenly between."""
     alike: float
     """Of the seeds of a scene: 0 if all end the same, large if scenes do not differ."""
+    together: int = 1
+    """So many families lie at the same places, where every second scene ends as that of the first of them does."""
 
     @property
     def truth(self) -> float:
@@ -52,7 +54,11 @@ class MadeUpSuite:
         chance = rng.beta(mean * self.alike, (1.0 - mean) * self.alike, (self.families, self.scenes))
         quality = 1.0 - 0.25 * rng.beta(1.0, 2.0, (self.families, self.scenes))
         done = rng.random((self.families, self.scenes, self.seeds)) < chance[..., None]
-        return 100.0 * quality[..., None] * done
+        scores: Floats = 100.0 * quality[..., None] * done
+        for family in range(1, self.together):
+            as_first = rng.random(self.scenes) < 0.5
+            scores[family, as_first] = scores[0, as_first]
+        return scores
 
 
 MEAN_QUALITY: Final = 1.0 - 0.25 / 3.0
@@ -68,26 +74,28 @@ SUITES: Final = (
     MadeUpSuite("one family of 10, half solved", 1, 10, 1, (0.5, 0.5), 2.0),
     MadeUpSuite("one family of 10, 80 % solved", 1, 10, 1, (0.8, 0.8), 2.0),
     MadeUpSuite("8 x 10, 96 % solved", 8, 10, 1, (0.96, 0.96), 2.0),
+    MadeUpSuite("8 x 10, three families at the same places", 8, 10, 1, (0.5, 0.5), 2.0, together=3),
+    MadeUpSuite("8 x 40, three families at the same places", 8, 40, 1, (0.5, 0.5), 2.0, together=3),
 )
 
 
-def drive_values(scores: Floats) -> DriveValues:
-    """Scores (families, scenes, seeds) as a run has them."""
+def drive_values(scores: Floats, together: int = 1) -> DriveValues:
+    """Scores (families, scenes, seeds) as a run has them; the scenes of the first families lie at the same places."""
     return {
-        (f"{family}/{scene}", seed): DriveValue(str(family), float(value))
+        (f"{family}/{scene}", seed): DriveValue(str(family), float(value), str(scene) if family < together else "")
         for (family, scene, seed), value in np.ndenumerate(scores)
     }
 
 
-def estimate_of(scores: Floats) -> MeanEstimate:
-    found = mean_estimate(drive_values(scores), POINTS)
+def estimate_of(scores: Floats, together: int = 1) -> MeanEstimate:
+    found = mean_estimate(drive_values(scores, together), POINTS)
     assert found is not None
     return found
 
 
 def coverage(suite: MadeUpSuite, repetitions: int, rng: np.random.Generator) -> tuple[float, float]:
     """The share of intervals that hold the truth, and their mean width in points."""
-    bounds = np.array([estimate_of(suite.scores(rng)).interval for _ in range(repetitions)])
+    bounds = np.array([estimate_of(suite.scores(rng), suite.together).interval for _ in range(repetitions)])
     held = (bounds[:, 0] <= suite.truth + 1e-9) & (bounds[:, 1] >= suite.truth - 1e-9)
     return float(held.mean()), float(np.ptp(bounds, axis=1).mean())
 

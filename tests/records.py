@@ -15,7 +15,7 @@ def row(scenario: str, score: float | None = 0.5, **changes: Any) -> Row:
         "metrics": {}, "gates": (), "weights": {}, "fault": Fault("timeout", "killed") if score is None else None,
         "official": True, "overrides": AppliedOverrides(), "perception": "full", "trace_hash": None, "times_s": {},
         "versions": {}, "traffic_version": 2, "reached_goal": False, "isolated": True, "planner_hash": None,
-        "site": "tiny/1", "scenario_hash": "",
+        "site": f"tiny/{scenario}", "scenario_hash": "",
         "trace": None,
     }  # fmt: skip
     return Row(**fields | changes)

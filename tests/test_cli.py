@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import os
 import shutil
 import signal
 import subprocess
@@ -403,6 +404,37 @@ def test_too_few_descriptors_are_one_line_and_the_folder_goes_on(
     assert line.startswith("error: Too many open files")
     assert line.endswith("allow more open files (ulimit -n), and repeat the command")
     assert ran(capsys, *arguments, "--workers", 0)[0] == 0
+
+
+@pytest.mark.parametrize("place", ["argument", "working folder"])
+def test_a_folder_whose_name_is_no_text_is_refused_before_anything_is_driven(
+    place: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / os.fsdecode(b"l\xe4ufe")  # as older archives hold it
+    out = folder / "run"
+    if place == "working folder":
+        try:
+            folder.mkdir()
+        except OSError:
+            pytest.skip("this file system takes text only")
+        monkeypatch.chdir(folder)
+        out = Path("run")
+    code, _, said = ran(capsys, "run", "--planner", "straight_ahead", "--suite", "smoke==1", "--limit", 1, "--out", out)
+    assert code == 2
+    assert said.startswith("error: '")
+    assert r"l\udce4ufe" in said
+    assert said.endswith("' is no text in the encoding of this system (utf-8); give it another name\n")
+    assert not out.exists()
+
+
+def test_a_terminal_that_knows_fewer_characters_gets_what_it_knows() -> None:
+    command = [sys.executable, "-m", "interplan_sumo", "scenarios", "list"]
+    ended = subprocess.run(command, env={**os.environ, "PYTHONIOENCODING": "ascii"}, capture_output=True)
+    assert ended.returncode == 0, ended.stderr
+    assert b"nudge/0" in ended.stdout
+    code = "from interplan_sumo.report.printing import print_json; print_json(['Straße'])"
+    told = subprocess.run([sys.executable, "-c", code], env={**os.environ, "PYTHONIOENCODING": "ascii"}, stdout=-1)
+    assert json.loads(told.stdout) == ["Straße"]
 
 
 @pytest.mark.slow

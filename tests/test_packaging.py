@@ -53,6 +53,20 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
+def test_git_leaves_hashed_files_as_they_are_where_it_would_change_line_ends(tmp_path: Path) -> None:
+    names = ("routes/mixed.xml", "interplan_sumo/scenario/suites/smoke-1/selection.yaml", "interplan_sumo/planner.py")
+    for name in (".gitattributes", *names):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(ROOT / name, tmp_path / name)
+    git = ("git", "-c", "core.autocrlf=true", "-c", "core.safecrlf=false")  # as git for Windows is installed
+    run([*git, "init", "--quiet"], tmp_path)
+    run([*git, "add", "."], tmp_path)
+    for name in names:
+        (tmp_path / name).unlink()
+    run([*git, "checkout", "--", "."], tmp_path)
+    assert all((tmp_path / name).read_bytes() == (ROOT / name).read_bytes() for name in names)
+
+
 def in_git(*folders: str) -> set[str]:
     """Files that the repository holds below these folders, but for Python beside the data."""
     names = run(["git", "ls-files", "--cached", "--others", "--exclude-standard", "--", *folders], ROOT).split()

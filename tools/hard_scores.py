@@ -12,6 +12,8 @@ from scipy.stats import kendalltau
 from interplan_sumo.batch.run_folder import StoredRun
 from interplan_sumo.families import names
 from interplan_sumo.scenario.suite import find_suite
+from interplan_sumo.statistics.intervals import POINTS, mean_interval
+from interplan_sumo.statistics.scene_values import DriveValue, DriveValues
 from interplan_sumo.verification.hard_folder import read_scores
 from interplan_sumo.world.csv_tables import number_in, read_table, write_table
 from interplan_sumo.world.geometry import Floats
@@ -35,6 +37,15 @@ def panel_scores() -> dict[str, dict[str, float]]:
 def shown_scores(run: StoredRun) -> Half:
     """Of who drove the shipped scenes, and of those of the panel who have not driven them again since."""
     return _by_family(panel_scores() | _driven(run))
+
+
+def shown_places(run: StoredRun) -> dict[str, list[str]]:
+    """Where the shipped scenes lie, by family, in the order of their scores."""
+    sites = {row.scenario_id: row.site for row in run.rows.values()}
+    found: dict[str, list[str]] = {}
+    for scenario in find_suite(HARD).scenarios:
+        found.setdefault(scenario.family, []).append(sites[scenario.id])
+    return found
 
 
 def _by_family(scores: Mapping[str, Mapping[str, float]]) -> Half:
@@ -91,19 +102,26 @@ def drawn_again(scores: Floats, rng: np.random.Generator) -> Floats:
     return scores[:, rng.integers(scores.shape[1], size=scores.shape[1])]
 
 
-def bounds(families: Sequence[Floats]) -> Floats:
-    """Between what 95 % of the means lie for scenes like these, 0 to 100: low and high, (2, planners)."""
-    rng = np.random.default_rng(0)
-    drawn = np.array([means(families, rng) for _ in range(DRAWS)])
-    return 100.0 * np.quantile(drawn, (0.025, 0.975), axis=0)
-
-
-def totals(half: Half) -> dict[str, str]:
-    """By planner, the best first, the mean and between what 95 % lie, 0 to 100."""
-    families = family_scores(half)
-    names, every, (low, high) = [*half], 100.0 * means(families), bounds(families)
+def totals(half: Half, places: Mapping[str, Sequence[str]] | None = None) -> dict[str, str]:
+    """By planner, the best first, the mean and between what 95 % lie, 0 to 100; `places` of the scenes by family."""
+    every = 100.0 * means(family_scores(half))
+    names = [*half]
     order = np.argsort(-every, kind="stable").tolist()
-    return {names[place]: f"{every[place]:.0f} [{low[place]:.0f}, {high[place]:.0f}]" for place in order}
+    return {names[at]: f"{every[at]:.0f}{_between(half[names[at]], places or {})}" for at in order}
+
+
+def _between(of: Mapping[str, Sequence[float]], places: Mapping[str, Sequence[str]]) -> str:
+    """The interval of the mean over families alike: scores weigh more where a family has few."""
+    scenes = sum(map(len, of.values()))
+    drives: DriveValues = {
+        (f"{family}/{number}", 0): DriveValue(
+            family, 100.0 * score * scenes / len(of) / len(scores), places[family][number] if places else ""
+        )
+        for family, scores in of.items()
+        for number, score in enumerate(scores)
+    }
+    interval = mean_interval(drives, POINTS)
+    return "" if interval is None else f" [{interval[0]:.0f}, {interval[1]:.0f}]"
 
 
 def tau(one: Floats, other: Floats) -> float:

@@ -10,10 +10,11 @@ from typing import Final
 
 import numpy as np
 
+from interplan_sumo.batch.run_folder import read_run
 from interplan_sumo.world.csv_tables import number_in, read_table, write_table
 from tools.cells import heading
 from tools.hard_scores import RESULTS, Half, totals
-from tools.kept_drives import complete_run, refuse_others, renewed
+from tools.kept_drives import complete_run, folder_of, refuse_others, renewed
 from tools.kept_sweeps import SUITE
 
 KEPT: Final = RESULTS / "interplan-1-seeds.csv"
@@ -55,7 +56,9 @@ def seeds() -> list[str]:
         }
         for name, by in scores.items()
     }
-    for name, total in totals(half).items():
+    sites = {row.scenario_id: row.site for row in read_run(folder_of(SUITE)).rows.values()}
+    places = {family: [sites[scene] for scene in scenes] for family, scenes in next(iter(scores.values())).items()}
+    for name, total in totals(half, places).items():
         table = np.array([[of[seed] for seed in every] for scenes in scores[name].values() for of in scenes.values()])
         spread = 100.0 * float(np.sqrt(table.var(axis=1, ddof=1).mean()))
         apart = 1.96 * np.sqrt(2.0) * spread / np.sqrt(len(table))

@@ -39,7 +39,8 @@ def choosers(run: StoredRun) -> list[str]:
     """Scores by who chooses what PDM drives, how often a model was asked, and what the best choices would give."""
     table = make_table([run])
     titles = ("who chooses", "interPlan", "done %", "unsafe %", *family_titles(table), "asked", "in vain")
-    found: list[tuple[str, Mapping[str, Cell], str, str]] = [(*_oracle(table), "-", "-")]
+    sites = {row.scenario_id: row.site for row in run.rows.values()}
+    found: list[tuple[str, Mapping[str, Cell], str, str]] = [(*_oracle(table, sites), "-", "-")]
     for line in best_first(table):
         name, options = split_spec(line.planner)
         if name == HYBRID:
@@ -118,18 +119,18 @@ def keep_oracle(rows: Iterable[Mapping[str, Any]]) -> None:
     write_table(ORACLE, FOUND, lines)
 
 
-def _oracle(table: ResultsTable) -> tuple[str, dict[str, Cell]]:
+def _oracle(table: ResultsTable, sites: Mapping[str, str]) -> tuple[str, dict[str, Cell]]:
     """Who it is, and its cells of these columns."""
     rows = read_table(ORACLE, FOUND)
     drives = sum(int(row["drives"]) for row in rows) / len(rows)
-    cells = {column.key: _oracle_cell(column, rows) for column in table.columns}
+    cells = {column.key: _oracle_cell(column, rows, sites) for column in table.columns}
     return f"the oracle, which tries choices out: {drives:.0f} drives a scene", cells
 
 
-def _oracle_cell(column: Column, rows: Iterable[Mapping[str, str]]) -> Cell:
+def _oracle_cell(column: Column, rows: Iterable[Mapping[str, str]], sites: Mapping[str, str]) -> Cell:
     what = {"done_share": "done", "unsafe_share": "unsafe"}.get(column.key, "score")
     values = {
-        (row["scenario"], 0): DriveValue(row["family"], 100.0 * number_in(row[what], ORACLE))
+        (row["scenario"], 0): DriveValue(row["family"], 100.0 * number_in(row[what], ORACLE), sites[row["scenario"]])
         for row in rows
         if column.covers(row["family"])
     }

@@ -53,6 +53,7 @@ from tools.hard_scores import (
     keep_hidden,
     means,
     panel_scores,
+    shown_places,
     shown_scores,
     tau,
     totals,
@@ -245,7 +246,7 @@ def hard(drives: Drives) -> list[str]:
     """Scores in the hard scenes that are shipped: of the panel, as the suite has them, and of who drove since."""
     shown, panel = shown_scores(drives.run), panel_scores()
     lines = heading("planner", "in the panel", "all", "solves, of 100", *family_titles(drives.strict))
-    for name, total in totals(shown).items():
+    for name, total in totals(shown, shown_places(drives.run)).items():
         solved = sum(score >= SOLVED_SCORE for scores in shown[name].values() for score in scores)
         cells = (f"{100.0 * float(np.mean(scores)):.0f}" for scores in shown[name].values())
         member = "no" if name not in panel else "an earlier one" if name in drives.run.planners else "yes"
@@ -258,7 +259,7 @@ def halves(drives: Drives) -> list[str]:
     shown, hidden = both_halves(drives.run)
     lines = heading("planner", "shipped", "kept back", *family_titles(drives.strict))
     kept_back = totals(hidden)
-    for name, total in totals(shown).items():
+    for name, total in totals(shown, shown_places(drives.run)).items():
         cells = (f"{100.0 * float(np.mean(scores)):.0f}" for scores in hidden[name].values())
         lines.append(" | ".join((f"`{name}`", total, kept_back[name], *cells)))
     return lines

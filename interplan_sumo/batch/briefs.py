@@ -15,6 +15,7 @@ class Brief(NamedTuple):
     """What tables need of a row, small enough to keep for every drive of a long run."""
 
     family: str
+    site: str
     score: float | None
     """0 to 1."""
     fault: FaultClass | None
@@ -76,6 +77,7 @@ class _BriefRow(Struct, kw_only=True):
     planner: str
     seed: Seed
     family: str
+    site: str
     score: Score | None
     fault: _BriefFault | None
     official: bool
@@ -93,6 +95,7 @@ def _brief(row: _BriefRow) -> Brief:
     asked = report if report is not None and report.queries is not None else None
     return Brief(
         row.family,
+        row.site,
         row.score,
         None if row.fault is None else row.fault.kind,
         row.official,

@@ -29,7 +29,7 @@ from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Self
+from typing import Final, Self
 
 from msgspec import json, structs
 
@@ -74,6 +74,8 @@ TRAFFIC = "traffic"
 """Holds a vehicle-type file; so it does beside the run folders of a sweep."""
 STAYING = ("lock", "traces")
 """What a folder may hold that is no run folder yet."""
+_BINARY: Final[int] = getattr(os, "O_BINARY", 0)
+"""Windows else writes other line ends than it is given."""
 
 
 def slug(text: str) -> str:
@@ -238,7 +240,7 @@ class RunFolder:
         """
         row, line = storable(row)
         size = self._size()
-        if size and os.pread(self._results, 1, size - 1) != b"\n":
+        if size and self._last_byte(size) != b"\n":
             line = b"\n" + line  # after what somebody else wrote: that line is damaged, this one is not
         try:
             written = os.write(self._results, line)
@@ -255,6 +257,10 @@ class RunFolder:
         if self._not_in_pieces == LINES_AT_ONCE:
             self._keep_pieces()
         return row
+
+    def _last_byte(self, size: int) -> bytes:
+        os.lseek(self._results, size - 1, os.SEEK_SET)  # what is written goes to the end all the same
+        return os.read(self._results, 1)
 
     def _size(self) -> int:
         """Of the file with the rows; RunFolderError if it is no longer in its place."""
@@ -324,7 +330,7 @@ class RunFolder:
         if len(stay) != number + 1:
             write_lines(path, (line for number, (line, *_) in enumerate(read_briefs(path)) if number in stay))
             whole_bytes = path.stat().st_size
-        self._results = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
+        self._results = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | _BINARY, 0o644)
         os.ftruncate(self._results, whole_bytes)
         os.fsync(self._results)
         return {key for key, (_, stays) in last.items() if stays}

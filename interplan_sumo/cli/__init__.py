@@ -10,7 +10,7 @@ import errno
 import io
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import cache
 from typing import Annotated, Any
 
@@ -40,7 +40,7 @@ from interplan_sumo.cli.scenarios import scenarios_app
 from interplan_sumo.cli.sweep import sweep
 from interplan_sumo.cli.traffic import traffic_app
 from interplan_sumo.cli.verify import verify
-from interplan_sumo.errors import InputError, InterplanError
+from interplan_sumo.errors import InputError, InterplanError, clean_line
 from interplan_sumo.interruption import terminated_like_interrupted
 from interplan_sumo.report.printing import print_json
 
@@ -102,6 +102,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if os.getcwd() not in sys.path:  # planners of the folder one works in; last, so that nothing there hides a library
         sys.path.append(os.getcwd())
     try:
+        _refuse_undecodable([*given, os.getcwd()])
         with terminated_like_interrupted():
             code = command_line()(args=given, prog_name="interplan-sumo", standalone_mode=False, obj=given)
         sys.stdout.flush()
@@ -130,6 +131,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _failed(f"{error.strerror}{where}: {WANTS[error.errno]}, and repeat the command", BAD_INPUT)
 
 
+def _refuse_undecodable(names: Iterable[str]) -> None:
+    """InputError for what is no text in the encoding of this system: Parquet has no files of such names."""
+    for name in names:
+        try:
+            name.encode()
+        except UnicodeEncodeError:
+            encoding = sys.getfilesystemencoding()
+            way_out = "give it another name" if encoding == "utf-8" else "give it another name, or set PYTHONUTF8=1"
+            said = f"'{clean_line(name)}' is no text in the encoding of this system ({encoding})"
+            raise InputError(f"{said}; {way_out}") from None
+
+
 def _complete_in_bash(words: BashWords) -> int:
     """Print what the shell offers for the last of the words."""
     words.tell()
@@ -149,6 +162,8 @@ def _open_standard_streams() -> None:
             os.open(os.devnull, os.O_RDWR)  # the lowest free number, which is this one
         if getattr(sys, name) is None:
             setattr(sys, name, open(os.devnull, "r" if number == 0 else "w"))  # noqa: SIM115 (until the process ends)
+    if isinstance(sys.stdout, io.TextIOWrapper):  # a terminal may know fewer characters than a table has
+        sys.stdout.reconfigure(errors="backslashreplace")
 
 
 def _forget_output() -> None:

@@ -97,7 +97,15 @@ def network(plain: Mapping[str, str], left_hand: bool) -> Element:
             command.append("--lefthand")
         environment = {**os.environ, "SUMO_HOME": str(sumo_home())}
         try:
-            done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+            done = subprocess.run(
+                command,
+                cwd=folder,
+                env=environment,
+                capture_output=True,
+                encoding="utf-8",
+                errors="replace",
+                check=False,
+            )
         except OSError as error:
             raise MapError(f"netconvert does not run: {error}") from error
         if done.returncode != 0:

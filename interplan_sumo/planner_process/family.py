@@ -54,7 +54,7 @@ def kill_family(pid: int, *, session: int | None = None, known: Mapping[int, int
 def _kill(pids: Iterable[int]) -> None:
     for each in pids:
         with suppress(ProcessLookupError, PermissionError):
-            os.kill(each, signal.SIGKILL)
+            os.kill(each, getattr(signal, "SIGKILL", signal.SIGTERM))  # Windows has one way to end a process
 
 
 def _reap(pids: Iterable[int]) -> None:

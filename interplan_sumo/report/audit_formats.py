@@ -63,7 +63,10 @@ def audit_json(
 
 def _share_json(kind: str, found: Sequence[tuple[Row, AuditFinding]]) -> dict[str, Any]:
     """How many percent of the scenarios are of a class, with the 95 % interval for scenarios like these."""
-    drives = {(row.scenario_id, row.seed): DriveValue(row.family, 100.0 * (each.kind == kind)) for row, each in found}
+    drives = {
+        (row.scenario_id, row.seed): DriveValue(row.family, 100.0 * (each.kind == kind), row.site)
+        for row, each in found
+    }
     interval = mean_interval(drives, POINTS)
     return {
         "percent": rounded(mean_over_scenes(drives)),

@@ -33,6 +33,7 @@ class ScoreChange:
 
     scenario_id: str
     family: str
+    site: str
     seed: int
     a: float
     b: float
@@ -233,7 +234,17 @@ def _change(
         row_a, row_b = run_a.rows[key_a], run_b.rows[key_b]
         worse, better = (row_a, row_b) if a < b else (row_b, row_a)
         reason = f"{'a' if a < b else 'b'}: {_lost(worse, better)}"
-    return ScoreChange(key_a[0], drive_a.family, key_a[2], a, b, unsafe_share(drive_a), unsafe_share(drive_b), reason)
+    return ScoreChange(
+        scenario_id=key_a[0],
+        family=drive_a.family,
+        site=drive_a.site,
+        seed=key_a[2],
+        a=a,
+        b=b,
+        unsafe_a=unsafe_share(drive_a),
+        unsafe_b=unsafe_share(drive_b),
+        reason=reason,
+    )
 
 
 def _lost(worse: Row, better: Row) -> str:
@@ -251,7 +262,7 @@ def _group(changes: Sequence[ScoreChange]) -> GroupComparison:
         values = [(c, getattr(c, name)) for c in changes]
         if any(value is None for _, value in values):
             return {}
-        return {(c.scenario_id, c.seed): DriveValue(c.family, 100.0 * value) for c, value in values}
+        return {(c.scenario_id, c.seed): DriveValue(c.family, 100.0 * value, c.site) for c, value in values}
 
     winners = [change.winner for change in changes]
     estimate, unsafe = (mean_estimate(points(name), DIFFERENCES) for name in ("difference", "unsafe_difference"))

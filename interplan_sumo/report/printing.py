@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import re
+import sys
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -63,8 +64,12 @@ def write_page(
 
 
 def print_json(document: object) -> None:
-    """One document; refuses numbers that JSON does not have, escapes what no terminal and no UTF-8 takes as text."""
-    text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
+    """One document, JSON in any encoding of the output.
+
+    Refuses numbers that JSON does not have, escapes what no terminal and no UTF-8 takes as text.
+    """
+    unicode = (sys.stdout.encoding or "utf-8").lower().startswith("utf")
+    text = json.dumps(document, indent=2, ensure_ascii=not unicode, allow_nan=False)
     print(re.sub("[\x7f-\x9f\ud800-\udfff]", lambda found: f"\\u{ord(found[0]):04x}", text))
 
 

@@ -49,12 +49,12 @@ class Standing:
     """By column, without those where no two scenes differ."""
 
     @property
-    def too_few(self) -> int | None:
-        """How many scenes there are, if among so many pairs they tell nobody apart, however much who differs."""
-        least_p = min((each.pair.estimate.least_p for each in self.contrasts), default=0.0)
-        if least_p * len(self.contrasts) < SIGNIFICANCE:
+    def too_few(self) -> tuple[int, int] | None:
+        """How many scenes there are, at how many places, if among so many pairs they tell nobody apart."""
+        most = max((each.pair.estimate for each in self.contrasts), key=lambda each: each.places, default=None)
+        if most is None or most.least_p * len(self.contrasts) < SIGNIFICANCE:
             return None
-        return max(each.pair.estimate.scenes for each in self.contrasts)
+        return most.scenes, most.places
 
     @property
     def alike(self) -> list[int]:

@@ -110,12 +110,14 @@ def alike_note(held: Standing, labels: Sequence[str]) -> list[str]:
     best = labels[held.best]
     how = f"(paired bootstrap over scenarios, Holm over {len(held.contrasts)} pair{'s' * (len(held.contrasts) != 1)})"
     if not held.contrasts:
-        return [f"Most: {best}. One scenario is too few to compare lines."]
+        return [f"Most: {best}. Scenarios at one place are too few to compare lines."]
     if not held.alike:
         return [f"Best: {best}. It can be told apart from every other line {how}."]
     if held.too_few is not None:
         pairs = len(held.contrasts)
-        few = f"{held.too_few} scenarios are too few to tell lines apart among {counted(pairs, 'pair')}"
+        scenes, places = held.too_few
+        at = f" at {counted(places, 'place')}" if places < scenes else ""
+        few = f"{scenes} scenarios{at} are too few to tell lines apart among {counted(pairs, 'pair')}"
         alone = "; `compare` looks at two alone" if pairs > 1 else ""
         return [f"Best: {best}. {few}, however much they differ{alone}."]
     names = [labels[line] for line in held.alike]

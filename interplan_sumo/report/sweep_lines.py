@@ -216,7 +216,7 @@ def _line(result: Result, planner: str) -> SweepLine:
         for measure in MEASURES:
             value = measure.value(row)
             if value is not None:
-                values[measure.key][key[0], key[2]] = DriveValue(row.family, value)
+                values[measure.key][key[0], key[2]] = DriveValue(row.family, value, row.site)
     return SweepLine(
         setting=result.combination.setting,
         planner=planner,

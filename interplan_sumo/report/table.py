@@ -363,7 +363,7 @@ def _values(column: Column, scenarios: Iterable[_Scenario]) -> tuple[DriveValues
             done += 1
             value = column.value(drive)
             if value is not None:
-                found[key] = DriveValue(scenario.family, 100.0 * value)
+                found[key] = DriveValue(scenario.family, 100.0 * value, drive.site)
     return (found if len(found) == asked else {}), done, asked
 
 

@@ -8,7 +8,9 @@ that every scene weighs the same and a family weighs as many scenes as it has:
 Scenes are drawn again within their families, each with all its seeds, because
 drives of one scene are not independent and a suite always has the same number
 of scenes of each family. What is taken for random is thus which scenes of a
-family somebody has built, not only what happens in them.
+family somebody has built, not only what happens in them. Scenes of one place are
+not independent either and are drawn together: families that lie at the same
+places are one, f, and what is said of scenes below holds for its places.
 
 With n_f scenes in a family a bootstrap of n_f draws has a variance that is too
 small by (n_f - 1) / n_f, so n_f - 1 are drawn (McCarthy and Snowden, 1985; Rao
@@ -34,7 +36,7 @@ from typing import Final
 
 import numpy as np
 
-from interplan_sumo.statistics.scene_values import DriveValues, Floats, family_samples
+from interplan_sumo.statistics.scene_values import DriveValues, Floats, strata
 
 DRAWS: Final = 2000
 SEED: Final = 20240407
@@ -61,11 +63,13 @@ class MeanEstimate:
 
     value: float
     scenes: int
+    places: int
+    """At which they lie: as many say something that no other does."""
     standard_error: float
     """0 where all scenes of each family are equal."""
     degrees_of_freedom: float
     ends: Range
-    """Least and greatest mean of a scene."""
+    """Least and greatest mean of a place."""
     limits: Range
     """What figures of scenes lie between; infinite where nobody knows."""
     draw: Callable[[], Floats]
@@ -93,7 +97,7 @@ class MeanEstimate:
         """
         least, greatest = self.limits
         if self.standard_error == 0.0:
-            others = 1.0 - ((1.0 - CONFIDENCE) / 2.0) ** (1.0 / self.scenes)
+            others = 1.0 - ((1.0 - CONFIDENCE) / 2.0) ** (1.0 / self.places)
             low = self.value - (others * (self.ends[1] - least) if isfinite(least) else 0.0)
             high = self.value + (others * (greatest - self.ends[0]) if isfinite(greatest) else 0.0)
         else:
@@ -116,12 +120,12 @@ class MeanEstimate:
 
     @property
     def least_p(self) -> float:
-        """2^(1 - scenes), what a sign test can reach: fewer than six scenes prove nothing, however equal they are."""
-        return 2.0 ** (1 - min(self.scenes, 1000))
+        """2^(1 - places), what a sign test can reach: fewer than six prove nothing, however equal their scenes are."""
+        return 2.0 ** (1 - min(self.places, 1000))
 
     def _share_unseen(self) -> float:
         farthest = self.ends[1] - self.limits[0] if self.value > 0.0 else self.limits[1] - self.ends[0]
-        return (1.0 - abs(self.value) / farthest) ** self.scenes if isfinite(farthest) else 0.0
+        return (1.0 - abs(self.value) / farthest) ** self.places if isfinite(farthest) else 0.0
 
     def _share_beyond(self) -> float:
         from scipy.special import stdtr
@@ -136,17 +140,19 @@ class MeanEstimate:
 def mean_estimate(drives: DriveValues, limits: Range = (-inf, inf)) -> MeanEstimate | None:
     """The mean over scenes, of figures that lie within these limits.
 
-    None with fewer than two scenes, which say nothing about scenes like them.
+    None with fewer than two places, which say nothing about scenes like theirs.
     """
-    samples = family_samples(drives)
-    count = sum(map(len, samples))
-    if count < 2:
+    found = strata(drives)
+    samples = [stratum.values for stratum in found]
+    scenes, places = sum(stratum.scenes for stratum in found), sum(map(len, samples))
+    if places < 2:
         return None
-    shares = np.array([len(values) / count for values in samples])
+    shares = np.array([stratum.scenes / scenes for stratum in found])
     variances = shares**2 * [_variance(values) / len(values) for values in samples]
     return MeanEstimate(
         value=float(shares @ [values.mean() for values in samples]),
-        scenes=count,
+        scenes=scenes,
+        places=places,
         standard_error=sqrt(variances.sum()),
         degrees_of_freedom=_degrees_of_freedom(variances, [len(values) - 1 for values in samples]),
         ends=(float(min(values[0] for values in samples)), float(max(values[-1] for values in samples))),
@@ -156,7 +162,7 @@ def mean_estimate(drives: DriveValues, limits: Range = (-inf, inf)) -> MeanEstim
 
 
 def mean_interval(drives: DriveValues, limits: Range) -> Range | None:
-    """That of the mean over scenes, of figures that lie within these limits; None with fewer than two scenes."""
+    """That of the mean over scenes, of figures that lie within these limits; None with fewer than two places."""
     estimate = mean_estimate(drives, limits)
     return None if estimate is None else estimate.interval
 
@@ -167,6 +173,7 @@ def unpaired_difference(a: MeanEstimate, b: MeanEstimate) -> MeanEstimate:
     return MeanEstimate(
         value=b.value - a.value,
         scenes=min(a.scenes, b.scenes),
+        places=min(a.places, b.places),
         standard_error=sqrt(variances.sum()),
         degrees_of_freedom=_degrees_of_freedom(variances, [a.degrees_of_freedom, b.degrees_of_freedom]),
         ends=(b.ends[0] - a.ends[1], b.ends[1] - a.ends[0]),

@@ -299,6 +299,16 @@ def test_what_somebody_else_writes_into_the_file_swallows_no_row(tmp_path: Path)
     assert [key[0] for key in read_run(tmp_path).rows] == ["a/0", "a/1"]
 
 
+def test_rows_are_appended_where_the_system_cannot_read_at_a_place(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delattr(os, "pread", raising=False)  # as on Windows
+    with opened(tmp_path) as folder:
+        folder.append(row("a/0"))
+        folder.append(row("a/1"))
+    assert [key[0] for key in read_run(tmp_path).rows] == ["a/0", "a/1"]
+
+
 def test_a_disk_that_cannot_be_synced_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(_handle: int) -> None:
         raise OSError(errno.EIO, os.strerror(errno.EIO))

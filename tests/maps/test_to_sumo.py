@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import gzip
+import os
+import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -26,6 +29,8 @@ from tests.maps.road_worlds import GridPlan, Ways, beside, crossing, grid_city, 
 from tests.maps.sumo_runs import random_traffic
 from tests.quick import few
 
+ASCII = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+"""An environment in which text is ASCII unless somebody says otherwise; on Windows it is that of the country."""
 NAMES = ("gs-boulevard", "gs-cross", "gs-curve", "gs-merge-lht")
 TARGET_M = 0.01
 
@@ -248,3 +253,19 @@ def test_a_minute_of_random_traffic_passes_without_accident(name: str, tmp_path:
     assert run.collisions == 0
     assert [o for o in run.overlaps if not o.askew] == []
     assert run.emergency_brakings <= 0.1 * run.vehicles  # some start within sight of a red light
+
+
+def test_what_netconvert_says_of_names_is_read_whatever_the_encoding_of_the_system() -> None:
+    code = r"""
+from interplan_sumo.errors import MapError
+from interplan_sumo.maps.to_sumo import network
+nodes = '<nodes><node id="a" x="0" y="0"/><node id="b" x="100" y="0"/></nodes>'
+edges = '<edges><edge id="e" from="a" to="\u0141\xf3d\u017a" numLanes="1" speed="10"/></edges>'
+try:
+    network({"node-files": nodes, "edge-files": edges}, left_hand=False)
+except MapError as error:
+    print(ascii(str(error)))
+"""
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, env={**os.environ, **ASCII}, capture_output=True, check=False)
+    assert rb"to-node '\u0141\xf3d\u017a' is not known" in done.stdout, done.stderr

@@ -106,6 +106,17 @@ def test_scenarios_are_drawn_again_within_their_families() -> None:
     assert interval[1] - interval[0] < 4.0  # drawn over all of them: 33
 
 
+def test_lane_changes_at_the_same_places_in_other_densities_make_no_interval_narrower() -> None:
+    scores = [drive(f"lane_change_ltd/{n}", score) for n, score in enumerate((1.0, 0.0, 0.5, 0.8, 0.2))]
+    denser = [replace(row, family=family, scenario_id=f"{family}/{n}") for n, row in enumerate(scores)
+              for family in ("lane_change_mtd", "lane_change_htd")]  # fmt: skip
+    one, three = (
+        make_table([stored(*rows)]).lines[0].cells["interplan"].interval for rows in (scores, scores + denser)
+    )
+    assert one is not None
+    assert three == pytest.approx(one)
+
+
 def test_lines_are_told_apart_by_the_scenarios_that_they_share() -> None:
     hard = [0.1 * (n % 8) for n in range(24)]
     rows = [drive(f"nudge/{n}", h, planner="a") for n, h in enumerate(hard)]

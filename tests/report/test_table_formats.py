@@ -6,6 +6,7 @@ import csv
 import io
 
 import pytest
+from msgspec.structs import replace
 from rich.console import Console
 
 from interplan_sumo.report.page.figures import best_figure
@@ -227,7 +228,7 @@ def test_under_the_table_stands_what_it_can_tell() -> None:
 
 def test_one_scene_compares_nobody() -> None:
     said = " ".join(text(make_table([stored(*(drive("nudge/0", 0.5, planner=name) for name in "ab"))])).split())
-    assert "One scenario is too few to compare lines." in said
+    assert "Scenarios at one place are too few to compare lines." in said
     assert "Holm" not in said
 
 
@@ -249,6 +250,13 @@ def test_where_scenes_are_too_few_for_so_many_lines_the_note_says_so(lines: int,
     said = " ".join(text(make_table([stored(*rows)])).split())
     words = "8 scenarios are too few to tell lines apart among 10 pairs, however much they differ; `compare` looks"
     assert (words in said) == too_few
+
+
+def test_scenes_of_one_place_are_no_more_than_one_where_lines_are_told_apart() -> None:
+    rows = [replace(drive(f"nudge/{n}", 0.2 * at, planner=f"p{at}"), site=f"tiny/{n // 2}")
+            for at in range(2) for n in range(8)]  # fmt: skip
+    said = " ".join(text(make_table([stored(*rows)])).split())
+    assert "8 scenarios at 4 places are too few to tell lines apart among 1 pair, however much they differ." in said
 
 
 def test_csv_has_the_bounds_beside_each_figure() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import inf
 
 import numpy as np
@@ -25,8 +25,8 @@ from interplan_sumo.statistics.scene_values import (
     DriveValue,
     DriveValues,
     differences,
-    family_samples,
     mean_over_scenes,
+    strata,
 )
 from tests.quick import few
 
@@ -57,7 +57,7 @@ def made_up(families: int, scenes: int) -> list[list[float]]:
 def test_a_scene_weighs_as_one_however_many_seeds_it_has() -> None:
     found = {("a/0", seed): DriveValue("a", 0.0) for seed in range(3)} | {("a/1", 0): DriveValue("a", 60.0)}
     assert mean_over_scenes(found) == 30.0
-    assert [values.tolist() for values in family_samples(found)] == [[0.0, 60.0]]
+    assert [stratum.values.tolist() for stratum in strata(found)] == [[0.0, 60.0]]
     assert mean_over_scenes({}) is None
 
 
@@ -107,6 +107,45 @@ def test_the_order_of_drives_and_families_does_not_matter() -> None:
     assert first.interval == second.interval
 
 
+# --- scenes of one place ---
+
+
+def at_places(*families: Mapping[str, float]) -> DriveValues:
+    """A scene of each family at each of its places."""
+    return {
+        (f"{family}/{place}", 0): DriveValue(str(family), value, place)
+        for family, values in enumerate(families)
+        for place, value in values.items()
+    }
+
+
+def test_scenes_of_families_at_the_same_places_say_no_more_than_their_places() -> None:
+    of = {f"roosevelt/{n}@0": value for n, value in enumerate(made_up(1, 10)[0])}
+    one, three = mean_estimate(at_places(of)), mean_estimate(at_places(of, of, of))
+    assert one is not None
+    assert three is not None
+    assert (three.scenes, three.places) == (30, 10)
+    assert three.interval == pytest.approx(one.interval)
+    assert three.standard_error == pytest.approx(one.standard_error)
+    elsewhere = estimate(*[[*of.values()]] * 3)
+    assert elsewhere.standard_error == pytest.approx(one.standard_error / np.sqrt(3.0))
+
+
+def test_what_is_at_one_place_by_chance_does_not_join_families() -> None:
+    first, second = {"a": 0.0, "b": 10.0, "c": 20.0, "d": 30.0}, {"d": 90.0, "e": 80.0, "f": 70.0}
+    assert [stratum.values.tolist() for stratum in strata(at_places(first, second))] == [[0, 10, 20, 30], [70, 80, 90]]
+
+
+def test_a_place_weighs_as_many_scenes_as_lie_there() -> None:
+    low, high = {"a": 0.0, "b": 10.0, "c": 20.0}, {"a": 40.0, "b": 70.0}
+    found = strata(at_places(low, high))
+    assert [stratum.scenes for stratum in found] == [5]
+    assert found[0].values.mean() == pytest.approx(mean_over_scenes(at_places(low, high)))
+    scenes = {("a/0", 0): DriveValue("a", 0.0, "x"), ("a/1", 0): DriveValue("a", 50.0, "x")}
+    assert mean_estimate(scenes) is None
+    assert mean_over_scenes(scenes) == 25.0
+
+
 # --- few scenes, equal scenes ---
 
 
@@ -116,12 +155,12 @@ def test_nothing_or_one_scene_has_no_interval() -> None:
 
 
 def test_families_of_one_scene_are_taken_together() -> None:
-    assert [v.tolist() for v in family_samples(drives([3.0], [1.0, 2.0], [9.0]))] == [[1.0, 2.0], [3.0, 9.0]]
-    assert [v.tolist() for v in family_samples(drives([3.0], [1.0, 2.0], [4.0, 5.0, 6.0]))] == [
+    assert [v.values.tolist() for v in strata(drives([3.0], [1.0, 2.0], [9.0]))] == [[1.0, 2.0], [3.0, 9.0]]
+    assert [v.values.tolist() for v in strata(drives([3.0], [1.0, 2.0], [4.0, 5.0, 6.0]))] == [
         [1.0, 2.0, 3.0],
         [4.0, 5.0, 6.0],
     ]
-    assert [v.tolist() for v in family_samples(drives([3.0], [1.0]))] == [[1.0, 3.0]]
+    assert [v.values.tolist() for v in strata(drives([3.0], [1.0]))] == [[1.0, 3.0]]
 
 
 def test_an_interval_stays_within_what_a_figure_can_be() -> None:
@@ -220,7 +259,7 @@ def test_what_is_printed_as_detectable_is_detected() -> None:
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("suite", SUITES[:6], ids=lambda suite: suite.title)
+@pytest.mark.parametrize("suite", [*SUITES[:6], *SUITES[-2:]], ids=lambda suite: suite.title)
 def test_coverage_is_95_percent(suite: MadeUpSuite) -> None:
     held, _ = coverage(suite, 4000, np.random.default_rng(27))
     assert 0.93 <= held <= 0.97

@@ -266,7 +266,9 @@ def _check_runs(path: Path, adapters: tuple[Adapter, ...]) -> None:
         raise InputError(f"{path}: an adapter's scale must be a finite number")
     command = [sys.executable, "-P", native.__file__, str(path), *(f"{a.scale}:{a.path}" for a in adapters)]
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=_TRIAL_LIMIT_S, check=False)
+        done = subprocess.run(
+            command, capture_output=True, encoding="utf-8", errors="replace", timeout=_TRIAL_LIMIT_S, check=False
+        )
     except subprocess.TimeoutExpired:
         raise InputError(f"{path} did not load in {_TRIAL_LIMIT_S:.0f} s; take a smaller model or a chat URL") from None
     if done.returncode == native.NOT_LOADED:

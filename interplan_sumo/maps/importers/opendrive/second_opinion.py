@@ -131,7 +131,14 @@ def _theirs(path: Path) -> RoadLanes:
         command += ["--plain-output-prefix=plain", "--output-file=net.xml"]
         environment = {**os.environ, "SUMO_HOME": str(sumo_home())}
         done = subprocess.run(
-            command, cwd=folder, env=environment, capture_output=True, text=True, check=False, timeout=_LONGEST_S
+            command,
+            cwd=folder,
+            env=environment,
+            capture_output=True,
+            encoding="utf-8",
+            errors="replace",
+            check=False,
+            timeout=_LONGEST_S,
         )
         if done.returncode != 0:
             errors = [line for line in done.stderr.splitlines() if line.startswith("Error")]

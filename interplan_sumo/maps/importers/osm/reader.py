@@ -95,7 +95,14 @@ def _network(extract: OsmExtract, *, left_hand: bool) -> Generator[Path]:
         environment = {**os.environ, "SUMO_HOME": str(home)}
         try:
             done = subprocess.run(
-                command, cwd=folder, env=environment, capture_output=True, text=True, check=False, timeout=_LONGEST_S
+                command,
+                cwd=folder,
+                env=environment,
+                capture_output=True,
+                encoding="utf-8",
+                errors="replace",
+                check=False,
+                timeout=_LONGEST_S,
             )
         except (OSError, subprocess.TimeoutExpired) as error:
             raise MapError(f"{extract.path}: netconvert does not come to an end with it: {error}") from error
