@@ -17,6 +17,7 @@ from interplan_sumo.maps.importers.opendrive.reader import read_opendrive
 from tests.maps.opendrive_files import geometry, lane, road, section, to_road, written, xodr
 
 BOTH = {"before": (-1,), "after": (-1,)}
+CHAIN = ({"after": (-1,)}, BOTH, {"before": (-1,)})
 
 
 def circle(radius_m: float, turns: float) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
@@ -57,11 +58,11 @@ def test_a_corner_as_tight_as_its_lane_is_wide_is_a_way_around_it(tmp_path: Path
     """A turn to the right about the lane's own edge, which is a point there."""
     turn = geometry('<arc curvature="-0.25"/>', 4.0 * np.pi / 2.0, place=(100, 0, 0))
     away = geometry(place=(104, -4, -np.pi / 2.0))
-    one, after, both = (lane(-1, width=4.0, **links) for links in ({"after": (-1,)}, {"before": (-1,)}, BOTH))
+    to, around, on = (section(lane(-1, width=4.0, **links)) for links in CHAIN)
     roads = (
-        road("1", section(one), links=("", to_road("2"))),
-        road("2", section(both), plan=turn, links=(to_road("1", "end"), to_road("3"))),
-        road("3", section(after), plan=away, links=(to_road("2", "end"), "")),
+        road("1", to, links=("", to_road("2"))),
+        road("2", around, plan=turn, links=(to_road("1", "end"), to_road("3"))),
+        road("3", on, plan=away, links=(to_road("2", "end"), "")),
     )
     file = written(tmp_path, xodr(*roads))
     corner = read_opendrive(file).lanes["2/0/-1"]
@@ -71,3 +72,14 @@ def test_a_corner_as_tight_as_its_lane_is_wide_is_a_way_around_it(tmp_path: Path
     roads_of = read_map(files.gpkg, "corner")
     assert check_map(files, roads_of).problems == ()
     assert check_source(files, roads_of, record, file).problems == ()
+
+
+def test_a_lane_that_is_short_only_inside_a_bend_is_passed_over(tmp_path: Path) -> None:
+    """A section of 12 cm of the reference line, of which a lane to the inside has less than SUMO's 10 cm."""
+    starts_m = (0.0, 5.0, 5.12)
+    sections = [section(lane(-1, **links), s=s) for s, links in zip(starts_m, CHAIN, strict=True)]
+    bend = geometry('<arc curvature="-0.1"/>', 10.0)
+    file = written(tmp_path, xodr(road("1", *sections, plan=bend)))
+    assert read_opendrive(file).lanes["1/0/-1"].successors == ("1/2/-1",)
+    _, record = import_map(file, "opendrive", tmp_path / "bend")
+    assert not [note for note in record.notes if "1/1/-1" in note]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from interplan_sumo.maps.importers.lines import SHORTEST_M
+from interplan_sumo.maps.importers.lines import SHORTEST_M, length_m
 from interplan_sumo.maps.importers.opendrive.lane_types import TWO_WAY
 from interplan_sumo.maps.importers.opendrive.links import Joints, LaneEnd, Sides
 from interplan_sumo.maps.importers.opendrive.stretches import NARROWEST_M, DrawnStretch, SideStretch
@@ -167,7 +167,7 @@ def _drop_narrow(network: Network) -> None:
 def _skip_short(network: Network) -> None:
     """Leaves out lanes without length: what leads to them leads to what follows them."""
     for lane in list(network.lanes.values()):
-        if lane.stretch.length_m < SHORTEST_M:
+        if min(lane.stretch.length_m, length_m(lane.stretch.middle)) < SHORTEST_M:
             for before in lane.predecessors:
                 for after in lane.successors:
                     if before in network.lanes and after in network.lanes:
