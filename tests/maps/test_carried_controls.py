@@ -19,6 +19,7 @@ from interplan_sumo.maps.importers.build import build
 from interplan_sumo.maps.importers.carried_controls import carried_controls
 from interplan_sumo.maps.importers.control_fidelity import ControlReport, compare_controls
 from interplan_sumo.maps.importers.importing import check_source, import_map
+from interplan_sumo.maps.importers.lanelet2.reader import read_lanelet2
 from interplan_sumo.maps.importers.record import ImportRecord
 from interplan_sumo.maps.importers.source import SourceMap, SourceSignal
 from interplan_sumo.maps.importers.sumo.reader import read_sumo_network
@@ -28,6 +29,7 @@ from interplan_sumo.maps.signal_program import SignalPhase, SignalProgram
 from interplan_sumo.maps.store import MapFiles
 from interplan_sumo.simulation.sumo import sumo
 from interplan_sumo.world.roads import Roads
+from tests.maps.lanelet2_files import Osm
 from tests.maps.source_worlds import linked, straight, world
 from tests.maps.sumo_nets import crossroads, edge, made, node
 from tests.quick import few
@@ -43,8 +45,8 @@ class Imported:
     record: ImportRecord
 
     @classmethod
-    def of(cls, source: Path) -> Imported:
-        files, record = import_map(source, "sumo", source.parent / "imported")
+    def of(cls, source: Path, format: str = "sumo") -> Imported:
+        files, record = import_map(source, format, source.parent / "imported")
         return cls(source, files, read_map(files.gpkg, "imported"), record)
 
     def connector(self, way: str) -> str:
@@ -227,6 +229,25 @@ def test_the_check_names_pairs_whose_right_of_way_differs(tmp_path: Path) -> Non
     (junction,) = (each for each in source.junctions if each.id == "c")
     pair = min(junction.yields)
     turned = replace(junction, yields=junction.yields - {pair} | {pair[::-1]})
+    problems = made_map.against(replace(source, junctions=(turned,))).problems
+    assert len(problems) == 2
+    assert {problem.kind for problem in problems} == {"right_of_way"}
+
+
+def test_the_check_names_a_pair_once_though_its_connectors_lead_over_several_ways(tmp_path: Path) -> None:
+    osm = Osm(next_id=1)
+    straight_on = {"turn_direction": "straight"}
+    osm.straight(0.0, 50.0, 1.5), osm.straight(70.0, 120.0, 1.5)
+    east = osm.straight(50.0, 70.0, 1.5, tags=straight_on)
+    for start_m, end_m in ((-60.0, -10.0), (10.0, 60.0)):
+        osm.lanelet([(58.5, start_m), (58.5, end_m)], [(61.5, start_m), (61.5, end_m)])
+    north = osm.lanelet([(58.5, -10.0), (58.5, 10.0)], [(61.5, -10.0), (61.5, 10.0)], straight_on)
+    osm.rule("right_of_way", ("relation", int(east), "yield"), ("relation", int(north), "right_of_way"))
+    made_map = Imported.of(osm.write(tmp_path / "crossing.osm"), "lanelet2")
+    source = read_lanelet2(made_map.source)
+    assert made_map.against(source).yields == (1, 1)
+    (junction,) = source.junctions
+    turned = replace(junction, yields=frozenset(pair[::-1] for pair in junction.yields))
     problems = made_map.against(replace(source, junctions=(turned,))).problems
     assert len(problems) == 2
     assert {problem.kind for problem in problems} == {"right_of_way"}

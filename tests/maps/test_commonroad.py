@@ -160,6 +160,16 @@ def intersection(*ways: tuple[int, int]) -> str:
     return f'<intersection id="900">{incoming}</intersection>'
 
 
+@pytest.mark.parametrize(("gap_m", "kept"), [(9.0, True), (11.0, False)])
+def test_links_between_lanelets_that_lie_apart_are_left_out_and_told(gap_m: float, kept: bool, tmp_path: Path) -> None:
+    ahead = lanelet(2, (50.0 + gap_m, 120.0), before=(1,))
+    source = read_commonroad(written(tmp_path, scenario(lanelet(1, after=(2, 3)), ahead, lanelet(3, (50.0, 90.0)))))
+    assert source.lanes["1"].successors == (("2", "3") if kept else ("3",))
+    assert source.lanes["2"].predecessors == (("1",) if kept else ())
+    told = "1 link between lanelets that lie apart, such as 1 and 2 (11 m): not kept."
+    assert (told in source.notes) != kept
+
+
 def test_a_sign_named_before_and_within_an_intersection_holds_before_it(tmp_path: Path) -> None:
     ref = '<trafficSignRef ref="9"/>'
     lanelets = lanelet(1, (0, 9), inner=ref, after=[2]), lanelet(2, (9, 18), inner=ref, after=[3]), lanelet(3, (18, 27))

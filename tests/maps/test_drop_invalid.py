@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import shapely
+
 from interplan_sumo.maps.importers.build import build
 from interplan_sumo.maps.importers.drop_invalid import drop_invalid
 from interplan_sumo.maps.rules import schema_problems
@@ -42,3 +44,12 @@ def test_a_broken_lane_goes_with_its_connectors_blocks_and_intersection() -> Non
     whole, _ = drop_invalid(turned_round(left, next(iter(left.lanes))))
     assert whole.connectors == {}
     assert whole.intersections == ()
+
+
+def test_a_lane_of_which_others_leave_no_surface_is_taken_out() -> None:
+    roads = build(fork()).roads
+    lane = next(iter(roads.lanes.values()))
+    sliver = shapely.buffer(lane.centerline.linestring, 0.001, cap_style="flat")
+    left, reasons = drop_invalid(replace(roads, lanes={**roads.lanes, lane.id: replace(lane, polygon=sliver)}))
+    assert reasons == {lane.id: "other lanes lie on all of it"}
+    assert lane.id not in left

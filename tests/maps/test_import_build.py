@@ -193,6 +193,17 @@ def test_an_overlap_that_nobody_reaches_is_told() -> None:
     assert [note for note in made.notes if note.startswith("lane a: 15.0 m of it are left out")]
 
 
+def test_a_way_that_a_shorter_one_makes_needless_is_told() -> None:
+    """SUMO knows one way from a lane to another."""
+    there = lane("round", ((100, 0), (110, 2), (120, 2), (130, 0)), in_intersection=True)
+    lanes = [straight("in", 0, 100), straight("on", 100, 130, in_intersection=True), there, straight("out", 130, 230)]
+    links = [("in", "on"), ("on", "out"), ("in", "round"), ("round", "out")]
+    built = build(world(linked(lanes, links)))
+    assert len(built.roads.connectors) == 1
+    (said,) = (note for note in built.notes if "round" in note)
+    assert said.endswith("m of it are left out: a shorter way joins the same two lanes")
+
+
 def test_a_map_without_lanes_is_refused() -> None:
     with pytest.raises(MapError, match="no lane for cars"):
         build(world({}))

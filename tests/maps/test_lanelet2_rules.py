@@ -227,3 +227,18 @@ def test_right_of_way_says_who_yields_to_whom(file: Path) -> None:
     (junction,) = read(osm, file).junctions
     assert [way.lanes for way in junction.ways] == [(waiting, behind), (going, on)]
     assert (junction.yields, junction.foes) == ({(0, 1)}, None)
+
+
+def test_lanelets_that_elements_make_yield_to_each_other_are_left_to_geometry_and_a_note_says_so(file: Path) -> None:
+    osm = Osm(next_id=1)
+    one, _ = osm.straight(0.0, 40.0), osm.straight(40.0, 60.0)
+    other, _ = osm.straight(0.0, 40.0, -30.0), osm.straight(40.0, 60.0, -30.0)
+    third, _ = osm.straight(0.0, 40.0, -60.0), osm.straight(40.0, 60.0, -60.0)
+    for waiting, going in (((one, third), other), ((other,), one)):
+        members = [("relation", int(id_), "yield") for id_ in waiting]
+        osm.rule("right_of_way", *members, ("relation", int(going), "right_of_way"))
+    source = read(osm, file)
+    (junction,) = source.junctions
+    assert {tuple(junction.ways[k].lanes[0] for k in pair) for pair in junction.yields} == {(third, other)}
+    said = "1 pair of lanelets yield to each other by right_of_way elements"
+    assert f"{said}, such as {one} and {other}: signs and geometry decide there." in source.notes

@@ -30,6 +30,7 @@ BLOCKS_BEFORE_WAYS = 1_000_000
 """Roadblocks count from 1, roadblock connectors from here."""
 LANES_PER_BLOCK = 100
 """Lane and connector ids are those of their block times this, plus the place in it."""
+_NOWHERE, _OUTDONE = "an overlap that leads from no lane or to none", "a shorter way joins the same two lanes"
 _STRAIGHT_RAD, _U_TURN_RAD = np.radians(30.0), np.radians(150.0)
 
 
@@ -221,14 +222,15 @@ class _Drawing:
         for here, there, gap_m in self.ground.torn:
             ends = (self._stretches(node)[k][0] for node, k in ((here, -1), (there, 0)))
             found.append(f"the link from {next(ends)} to {next(ends)} is left out: {gap_m:.1f} m lie between the two")
-        lost: dict[str, float] = defaultdict(float)
+        lost: dict[tuple[str, str], float] = defaultdict(float)
         for node in self.ground.nodes():
             if node not in self.used:
+                reason = _OUTDONE if node in self.ground.outdone else _NOWHERE
                 for source_id, _, _, length_m in self._stretches(node):
-                    lost[source_id] += length_m
+                    lost[source_id, reason] += length_m
         found += [
-            f"lane {source_id}: {length_m:.1f} m of it are left out: an overlap that leads from no lane or to none"
-            for source_id, length_m in lost.items()
+            f"lane {source_id}: {length_m:.1f} m of it are left out: {reason}"
+            for (source_id, reason), length_m in lost.items()
             if length_m > 2.0 * JOINT_M
         ]
         return found

@@ -61,6 +61,8 @@ class SegmentSurfaces:
         default_factory=list[tuple[SegmentLane, SegmentLane, float]]
     )
     """Links over a gap too wide to be one, with its width in metres."""
+    outdone: set[SegmentLane] = field(default_factory=set[SegmentLane])
+    """Segments of ways between two lanes that a shorter one joins."""
     twins: dict[SegmentLane, SegmentLane] = field(init=False)
     """Lanes that lie on another one where both lead out of the map, or into it, with that other: they are one."""
     _twins_of: dict[SegmentLane, list[SegmentLane]] = field(init=False)
@@ -163,8 +165,11 @@ def connector_paths(ground: SegmentSurfaces) -> tuple[ConnectorPath, ...]:
         for parts, end in _paths(ground, start):
             way = _connector_path(ground, (start, *parts, end), torn)
             known = best.get((start, end))
-            if way is not None and (known is None or way.cross_sections.length_m < known.cross_sections.length_m):
-                best[start, end] = way
+            if way is None:
+                continue
+            if known is None or way.cross_sections.length_m < known.cross_sections.length_m:
+                best[start, end], way = way, known
+            ground.outdone.update(() if way is None else way.parts)
     ground.torn.extend((a, b, gap_m) for (a, b), gap_m in torn.items())
     return tuple(best.values())
 

@@ -141,8 +141,9 @@ class _Comparing:
     def _junction(
         self, junction: SourceJunction, over: Mapping[tuple[str, ...], list[str]], built: Mapping[str, CheckedLink]
     ) -> tuple[int, list[MapProblem]]:
-        """How many pairs the file decides, and those that the network decides otherwise."""
+        """How many pairs the file decides, and those that the network decides otherwise; each pair counts once."""
         faults: list[MapProblem] = []
+        told: set[tuple[str, str, bool]] = set()
         if junction.foes is None and not junction.yields:
             return 0, faults
         count = 0
@@ -159,6 +160,9 @@ class _Comparing:
             in_file = (a, b) in junction.foes if junction.foes is not None else True
             if not in_file and yields and (here.to_lane == there.to_lane or self._meet_elsewhere(one, other)):
                 continue
+            if (one, other, wanted) in told:  # by other ways that the same two connectors lead over
+                continue
+            told.add((one, other, wanted))
             count += wanted or yields
             if yields != wanted:
                 said = f"{'yields' if yields else 'does not yield'} to {other}; in the file it "

@@ -6,6 +6,7 @@ from collections.abc import Set
 from dataclasses import replace
 
 from interplan_sumo.maps import schema
+from interplan_sumo.maps.importers.lines import SHORTEST_M
 from interplan_sumo.maps.rules import schema_problems
 from interplan_sumo.world.roads import Roads
 
@@ -16,7 +17,8 @@ _LAYERS = (schema.LANES, schema.CONNECTORS, schema.CONNECTOR_POLYGONS)
 def drop_invalid(roads: Roads) -> tuple[Roads, dict[str, str]]:
     """The roads without the lanes and connectors that break a rule, and why each of those does, by its id.
 
-    With a lane go the connectors that join it. What else is wrong stays, for the writer to refuse.
+    So does a lane of which others have left no surface. With a lane go the
+    connectors that join it. What else is wrong stays, for the writer to refuse.
     """
     reasons: dict[str, str] = {}
     for _ in range(_ROUNDS):
@@ -24,6 +26,9 @@ def drop_invalid(roads: Roads) -> tuple[Roads, dict[str, str]]:
         for problem in schema_problems(roads):
             if problem.layer in _LAYERS and problem.id in roads:
                 broken.setdefault(problem.id, problem.message)
+        for lane in roads.lanes.values():
+            if lane.polygon.area < SHORTEST_M * lane.centerline.length_m:  # netconvert has no lanes without width
+                broken.setdefault(lane.id, "other lanes lie on all of it")
         if not broken:
             break
         reasons |= broken

@@ -15,6 +15,8 @@ _SHARES = (1.0, 0.75, 0.5, 0.25, 0.1)
 """Inside a turn that is tighter than the lane is wide, the boundary comes nearer to the middle."""
 SHORTEST_M = 0.1
 """SUMO's least length of a lane. What is shorter has no direction: what leads to it leads to what follows it."""
+TORN_M = 10.0
+"""A link between lanes so far apart is a mistake of a file whose lanes meet."""
 
 
 def along(points: Floats) -> Floats:

@@ -13,7 +13,7 @@ import shapely
 from interplan_sumo.errors import MapError
 from interplan_sumo.maps.importers.commonroad.lights import signals_of
 from interplan_sumo.maps.importers.commonroad.signs import Signs, read_signs, usable_limit_mps
-from interplan_sumo.maps.importers.lines import along, ring
+from interplan_sumo.maps.importers.lines import TORN_M, along, ring
 from interplan_sumo.maps.importers.source import LeftOut, SourceLane, SourceMap, SourceStopLine
 from interplan_sumo.world.commonroad_frame import CommonRoadFile, read_commonroad_file
 from interplan_sumo.world.geometry import Floats
@@ -172,7 +172,7 @@ def _polygons(lanelets: Mapping[str, _Lanelet], reasons: Sequence[str]) -> tuple
 def _lanes(
     file: CommonRoadFile, lanelets: Mapping[str, _Lanelet], cars: Mapping[str, _Lanelet], signs: Signs, notes: list[str]
 ) -> dict[str, SourceLane]:
-    after, before = _links(lanelets, cars)
+    after, before = _links(lanelets, cars, notes)
     left, right = _neighbours(cars)
     inside = _in_intersections(file, cars)
     dark = frozenset(
@@ -211,9 +211,12 @@ def _lanes(
 
 
 def _links(
-    lanelets: Mapping[str, _Lanelet], cars: Mapping[str, _Lanelet]
+    lanelets: Mapping[str, _Lanelet], cars: Mapping[str, _Lanelet], notes: list[str]
 ) -> tuple[dict[str, tuple[str, ...]], dict[str, tuple[str, ...]]]:
-    """Successors and predecessors of every lane for cars, the same from both ends; those beyond the file are kept."""
+    """Successors and predecessors of every lane for cars, the same from both ends; those beyond the file are kept.
+
+    Lanelets that follow each other share points: links over a gap are left out.
+    """
     after: dict[str, dict[str, None]] = {id_: {} for id_ in cars}
     before: dict[str, dict[str, None]] = {id_: {} for id_ in cars}
     for id_, lanelet in cars.items():
@@ -223,7 +226,26 @@ def _links(
                     mine[id_][other] = None
                 if other in cars:
                     theirs[other][id_] = None
+    torn = {
+        (id_, other): gap_m
+        for id_, others in after.items()
+        for other in others
+        if other in cars and (gap_m := _gap_m(cars[id_], cars[other])) > TORN_M
+    }
+    for id_, other in torn:
+        del after[id_][other], before[other][id_]
+    if torn:
+        (id_, other), gap_m = next(iter(torn.items()))
+        said = (
+            f"{_number(len(torn), 'link')} between lanelets that lie apart, such as {id_} and {other} ({gap_m:.0f} m)"
+        )
+        notes.append(f"{said}: not kept.")
     return {id_: tuple(ids) for id_, ids in after.items()}, {id_: tuple(ids) for id_, ids in before.items()}
+
+
+def _gap_m(before: _Lanelet, after: _Lanelet) -> float:
+    """How far the middle of a lanelet's end lies from that of the other one's beginning."""
+    return float(np.hypot(*(after.left[0] + after.right[0] - before.left[-1] - before.right[-1]))) / 2.0
 
 
 def _neighbours(cars: Mapping[str, _Lanelet]) -> tuple[dict[str, str], dict[str, str]]:

@@ -62,6 +62,7 @@ def read_lanelet2(path: Path) -> SourceMap:
     before = predecessors(onward)
     controls = controls_of(file, frame.points, directions, onward, before)
     limits = _limits(file, lanelets)
+    junctions, contested = junctions_of(file, directions, onward, before, controls.overruled)
     return SourceMap(
         name=_name(path),
         format=FORMAT,
@@ -69,7 +70,7 @@ def read_lanelet2(path: Path) -> SourceMap:
         driving_side=side,
         lanes=_lanes(directions, onward, controls, limits),
         stop_lines=controls.stop_lines,
-        junctions=junctions_of(file, directions, onward, before, controls.overruled),
+        junctions=junctions,
         crosswalks=tuple(grounds.crosswalks),
         walkways=tuple(grounds.walkways),
         carparks=tuple(grounds.carparks),
@@ -81,6 +82,7 @@ def read_lanelet2(path: Path) -> SourceMap:
             *_limit_notes(limits.values()),
             *_lane_notes(lanelets, directions, onward),
             *_control_notes(controls),
+            *contested,
             *_unusable("stop lines", controls.unusable),
             *_area_notes(grounds),
             *_unusable("areas", grounds.unusable),

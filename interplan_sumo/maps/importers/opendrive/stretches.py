@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from interplan_sumo.maps.importers.lines import SHORTEST_M, length_m
 from interplan_sumo.maps.importers.opendrive.curves import PiecewiseCubic
 from interplan_sumo.maps.importers.opendrive.elements import UnusableRoadError, XodrLane, XodrRoad, XodrSection
 from interplan_sumo.maps.importers.opendrive.lane_types import reason_of
@@ -26,6 +27,8 @@ _SAFE = 0.8
 _CUT_M = 1.0
 """A cut so near to an end of a section is none."""
 _WIDTH_STEP_M = 1.0
+_PIVOT_SHARE = 0.05
+"""How far, of its width, the edge about which a lane turns is moved into it."""
 
 
 @dataclass(eq=False, slots=True)
@@ -172,15 +175,24 @@ def _drawn(
             lane=lane,
             start_m=between_m[0],
             end_m=between_m[1],
-            inner=drawn[k],
+            inner=_opened(drawn[k], edges[k], edges[k + 1]),
             middle=without_loops((edges[k] + edges[k + 1]) / 2.0, away_m[k + 1]),
-            outer=drawn[k + 1],
+            outer=_opened(drawn[k + 1], edges[k + 1], edges[k]),
             width_m=np.hypot(*(edges[k + 1] - edges[k]).T),
             reason=reason_of(lane, middle_m - section.start_m),
             limit_mps=_limit(road, lane, middle_m, middle_m - section.start_m),
         )
         for k, lane in enumerate(lanes)
     }
+
+
+def _opened(line: Floats, edge: Floats, other: Floats) -> Floats:
+    """The edge of a lane as it is drawn; one that is a point is moved a little towards the other edge.
+
+    It is a point where a lane turns about its own edge, as at corners whose
+    radius is the lane's width.
+    """
+    return edge + _PIVOT_SHARE * (other - edge) if length_m(line) < SHORTEST_M <= length_m(other) else line
 
 
 def _limit(road: XodrRoad, lane: XodrLane, station_m: float, offset_m: float) -> float | None:

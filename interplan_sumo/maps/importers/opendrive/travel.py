@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from interplan_sumo.maps.importers.lines import SHORTEST_M
+from interplan_sumo.maps.importers.lines import SHORTEST_M, TORN_M, length_m
 from interplan_sumo.maps.importers.opendrive.lane_types import TWO_WAY
 from interplan_sumo.maps.importers.opendrive.links import Joints, LaneEnd, Sides
 from interplan_sumo.maps.importers.opendrive.stretches import NARROWEST_M, DrawnStretch, SideStretch
@@ -19,8 +19,6 @@ SHARED_WIDTH_M = 5.0
 """A lane for both directions is split along its middle from this width on."""
 _CLOSED_M = 0.5
 """A lane that becomes so narrow opens there, or ends."""
-_TORN_M = 10.0
-"""A link between lanes so far apart is a mistake of the file."""
 
 
 @dataclass(eq=False, slots=True)
@@ -132,7 +130,7 @@ def _link(network: Network, one: LaneEnd, other: LaneEnd) -> None:
     if not lanes or not others:
         return
     gap_m = float(np.hypot(*(a.middle_at(at_end=a_end) - b.middle_at(at_end=b_end))))
-    if gap_m > _TORN_M:
+    if gap_m > TORN_M:
         network.torn.append((a.id, b.id, gap_m))
         return
     found = False
@@ -167,7 +165,7 @@ def _drop_narrow(network: Network) -> None:
 def _skip_short(network: Network) -> None:
     """Leaves out lanes without length: what leads to them leads to what follows them."""
     for lane in list(network.lanes.values()):
-        if lane.stretch.length_m < SHORTEST_M:
+        if min(lane.stretch.length_m, length_m(lane.stretch.middle)) < SHORTEST_M:
             for before in lane.predecessors:
                 for after in lane.successors:
                     if before in network.lanes and after in network.lanes:
