@@ -17,7 +17,6 @@ from interplan_sumo.maps.importers.opendrive.reader import read_opendrive
 from tests.maps.opendrive_files import geometry, lane, road, section, to_road, written, xodr
 
 BOTH = {"before": (-1,), "after": (-1,)}
-CHAIN = ({"after": (-1,)}, BOTH, {"before": (-1,)})
 
 
 def circle(radius_m: float, turns: float) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
@@ -58,7 +57,9 @@ def test_a_corner_as_tight_as_its_lane_is_wide_is_a_way_around_it(tmp_path: Path
     """A turn to the right about the lane's own edge, which is a point there."""
     turn = geometry('<arc curvature="-0.25"/>', 4.0 * np.pi / 2.0, place=(100, 0, 0))
     away = geometry(place=(104, -4, -np.pi / 2.0))
-    to, around, on = (section(lane(-1, width=4.0, **links)) for links in CHAIN)
+    to = section(lane(-1, width=4.0, after=(-1,)))
+    around = section(lane(-1, width=4.0, before=(-1,), after=(-1,)))
+    on = section(lane(-1, width=4.0, before=(-1,)))
     roads = (
         road("1", to, links=("", to_road("2"))),
         road("2", around, plan=turn, links=(to_road("1", "end"), to_road("3"))),
