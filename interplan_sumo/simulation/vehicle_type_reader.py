@@ -201,6 +201,7 @@ class _Reader(ContentHandler):
         """Whether a distribution stands for a number."""
         try:
             spread = parse_distribution(text)
+            element.spreads.pop(name, None)  # of the vType, if its nested element says otherwise
             if spread is not None:
                 element.spreads[name] = spread.within(lowest, highest)
         except ValueError as error:

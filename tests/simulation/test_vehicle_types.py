@@ -292,6 +292,15 @@ def test_a_nested_car_following_element_is_part_of_its_type(tmp_path: Path) -> N
     assert (member.car_following_model, member.tau_s, member.accel_mps2) == ("EIDM", 3.0, 1.0)
 
 
+def test_what_is_said_last_of_a_type_holds_whether_a_number_or_a_distribution(tmp_path: Path) -> None:
+    spread = "normal(1.5,0.2)"
+    plain_last = read_vehicle_types(one(tmp_path, f'tau="{spread}"', '<carFollowing-IDM tau="3"/>'))
+    spread_last = read_vehicle_types(one(tmp_path, 'tau="3"', f'<carFollowing-IDM tau="{spread}"/>'))
+    rng = np.random.default_rng(0)
+    assert {plain_last.draw(rng).tau_s for _ in range(20)} == {3.0}
+    assert len({spread_last.draw(rng).tau_s for _ in range(20)}) == 20
+
+
 def test_a_distribution_may_refer_to_types_defined_before_it(tmp_path: Path) -> None:
     text = '<vType id="a"/><vTypeDistribution id="traffic"><vType refId="a" probability="3"/></vTypeDistribution>'
     types = read_vehicle_types(file(tmp_path, f"<additional>{text}</additional>"))
