@@ -16,7 +16,15 @@ from interplan_sumo.maps.importers.opendrive.loops import without_loops
 from interplan_sumo.maps.importers.opendrive.reader import read_opendrive
 from tests.maps.opendrive_files import geometry, lane, road, section, to_road, written, xodr
 
-BOTH = {"before": (-1,), "after": (-1,)}
+
+
+def chain(width_m: float) -> tuple[str, str, str]:
+    """A lane, the one after it, and the one after that."""
+    return (
+        lane(-1, width=width_m, after=(-1,)),
+        lane(-1, width=width_m, before=(-1,), after=(-1,)),
+        lane(-1, width=width_m, before=(-1,)),
+    )
 
 
 def circle(radius_m: float, turns: float) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
@@ -57,9 +65,7 @@ def test_a_corner_as_tight_as_its_lane_is_wide_is_a_way_around_it(tmp_path: Path
     """A turn to the right about the lane's own edge, which is a point there."""
     turn = geometry('<arc curvature="-0.25"/>', 4.0 * np.pi / 2.0, place=(100, 0, 0))
     away = geometry(place=(104, -4, -np.pi / 2.0))
-    to = section(lane(-1, width=4.0, after=(-1,)))
-    around = section(lane(-1, width=4.0, before=(-1,), after=(-1,)))
-    on = section(lane(-1, width=4.0, before=(-1,)))
+    to, around, on = map(section, chain(4.0))
     roads = (
         road("1", to, links=("", to_road("2"))),
         road("2", around, plan=turn, links=(to_road("1", "end"), to_road("3"))),
@@ -78,7 +84,7 @@ def test_a_corner_as_tight_as_its_lane_is_wide_is_a_way_around_it(tmp_path: Path
 def test_a_lane_that_is_short_only_inside_a_bend_is_passed_over(tmp_path: Path) -> None:
     """A section of 12 cm of the reference line, of which a lane to the inside has less than SUMO's 10 cm."""
     starts_m = (0.0, 5.0, 5.12)
-    sections = [section(lane(-1, **links), s=s) for s, links in zip(starts_m, CHAIN, strict=True)]
+    sections = [section(each, s=s) for s, each in zip(starts_m, chain(3.5), strict=True)]
     bend = geometry('<arc curvature="-0.1"/>', 10.0)
     file = written(tmp_path, xodr(road("1", *sections, plan=bend)))
     assert read_opendrive(file).lanes["1/0/-1"].successors == ("1/2/-1",)

@@ -112,6 +112,14 @@ def test_who_comes_from_behind_is_expected_to_brake_for_a_corner_of_the_ego_in_i
     assert speed_then_mps(-1.2) < 5.0 < speed_then_mps(0.0)
 
 
+def test_who_backs_is_expected_to_go_on_backwards_and_not_along_its_lane() -> None:
+    roads = straight_road(lanes=1, length_m=400.0, limit_mps=12.0)
+    backs = cars((100.0, 0.0, -2.0))
+    traffic = Prediction(roads).traffic(observation(ego(60.0, 0.0, 5.0), backs), PACIFICA, 4.0)
+    assert traffic.forecast.x_m[0] == pytest.approx(100.0 - 2.0 * STEP_S * np.arange(21))
+    assert set(traffic.forecast.speed_mps[0]) == {-2.0}
+
+
 @pytest.mark.parametrize(("front_beyond_rear_m", "brakes"), [(-0.5, True), (0.5, False)])
 def test_who_is_beside_the_ego_is_not_expected_to_brake_for_its_corner(
     front_beyond_rear_m: float, brakes: bool

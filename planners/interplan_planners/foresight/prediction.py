@@ -133,7 +133,8 @@ class Prediction:
         lane_of, arc_m, left_m, turned_rad = self._places(actors)
         speed = np.where(actors.kind <= ActorKind.BICYCLE, actors.speed_mps, 0.0)
         rides = np.array([lane is not None for lane in lane_of], dtype=np.bool_)
-        follows = rides & (speed > MOVING_MPS) & (np.abs(turned_rad) < LARGEST_TURN_RAD)
+        backs = actors.vx_mps * np.cos(actors.heading_rad) + actors.vy_mps * np.sin(actors.heading_rad) < 0.0
+        follows = rides & ~backs & (speed > MOVING_MPS) & (np.abs(turned_rad) < LARGEST_TURN_RAD)
         ahead_s = STEP_S * np.arange(steps + 1)
 
         x_m = actors.x_m[:, None] + actors.vx_mps[:, None] * ahead_s
@@ -141,7 +142,6 @@ class Prediction:
         still = speed <= MOVING_MPS
         x_m[still], y_m[still] = actors.x_m[still, None], actors.y_m[still, None]
         heading = np.repeat(actors.heading_rad[:, None], steps + 1, axis=1)
-        backs = actors.vx_mps * np.cos(actors.heading_rad) + actors.vy_mps * np.sin(actors.heading_rad) < 0.0
         speeds = np.repeat(np.where(backs, -speed, np.where(still, 0.0, speed))[:, None], steps + 1, axis=1)
 
         rows = np.flatnonzero(follows)
