@@ -17,7 +17,6 @@ from interplan_sumo.maps.importers.opendrive.reader import read_opendrive
 from tests.maps.opendrive_files import geometry, lane, road, section, to_road, written, xodr
 
 
-
 def chain(width_m: float) -> tuple[str, str, str]:
     """A lane, the one after it, and the one after that."""
     return (
