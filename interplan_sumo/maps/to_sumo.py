@@ -7,9 +7,10 @@ import io
 import os
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
+from subprocess import CompletedProcess
 from tempfile import TemporaryDirectory
 from xml.etree.ElementTree import Element
 
@@ -87,25 +88,15 @@ def network(plain: Mapping[str, str], left_hand: bool) -> Element:
     "connection-files", "tllogic-files") to its text. MapError carries
     netconvert's own message.
     """
-    program = program_path("netconvert")
     with TemporaryDirectory(prefix="interplan-net-") as folder:
-        command = [str(program), *_NETCONVERT_OPTIONS, "--output-file=net.xml"]
+        options = [*_NETCONVERT_OPTIONS, "--output-file=net.xml"]
         for option, text in plain.items():
             Path(folder, f"{option}.xml").write_text(text, encoding="utf-8")
-            command.append(f"--{option}={option}.xml")
+            options.append(f"--{option}={option}.xml")
         if left_hand:
-            command.append("--lefthand")
-        environment = {**os.environ, "SUMO_HOME": str(sumo_home())}
+            options.append("--lefthand")
         try:
-            done = subprocess.run(
-                command,
-                cwd=folder,
-                env=environment,
-                capture_output=True,
-                encoding="utf-8",
-                errors="replace",
-                check=False,
-            )
+            done = netconvert(options, folder)
         except OSError as error:
             raise MapError(f"netconvert does not run: {error}") from error
         if done.returncode != 0:
@@ -116,6 +107,18 @@ def network(plain: Mapping[str, str], left_hand: bool) -> Element:
             raise MapError(f"netconvert wrote a network that cannot be read: {error}") from error
     assert root is not None
     return root
+
+
+def netconvert(options: Sequence[str], folder: str, *, longest_s: float | None = None) -> CompletedProcess[str]:
+    """What netconvert says with these options in a folder; MapError if it is not installed.
+
+    OSError if it does not run, TimeoutExpired if it does for longer.
+    """
+    return subprocess.run(
+        [str(program_path("netconvert")), *options],
+        cwd=folder, env={**os.environ, "SUMO_HOME": str(sumo_home())}, timeout=longest_s,
+        capture_output=True, encoding="utf-8", errors="replace", check=False,
+    )  # fmt: skip
 
 
 def netconvert_message(text: str) -> str:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
 from collections import Counter
 from collections.abc import Iterator, Mapping, Set
 from dataclasses import dataclass, field
 from pathlib import Path
+from subprocess import TimeoutExpired
 from tempfile import TemporaryDirectory
 from xml.etree.ElementTree import Element
 
@@ -20,7 +19,7 @@ from interplan_sumo.maps.importers.opendrive.reader import read_network
 from interplan_sumo.maps.importers.opendrive.travel import Network, TravelLane
 from interplan_sumo.maps.importers.opinion import OpinionPair, SecondOpinion
 from interplan_sumo.maps.problem import MapProblem
-from interplan_sumo.maps.to_sumo import program_path, sumo_home
+from interplan_sumo.maps.to_sumo import netconvert
 from interplan_sumo.world.geometry import Floats
 
 _OPTIONS = (
@@ -66,7 +65,7 @@ def opinion_of_netconvert(path: Path) -> SecondOpinion:
     ours = _ours(read_network(path))
     try:
         theirs = _theirs(path)
-    except (OSError, ValueError, subprocess.TimeoutExpired, ParseError) as error:
+    except (OSError, ValueError, TimeoutExpired, ParseError) as error:
         told = [f"netconvert cannot read the file: {' '.join(str(error).split())[:160]}"]
         return _opinion(ours, RoadLanes(), told, [])
     return _opinion(ours, theirs, *_compared(ours, theirs, path.name))
@@ -127,19 +126,9 @@ def _roads_after(network: Network, lane: TravelLane) -> Iterator[TravelLane]:
 def _theirs(path: Path) -> RoadLanes:
     """ValueError with netconvert's message if it refuses the file."""
     with TemporaryDirectory(prefix="interplan-opinion-") as folder:
-        command = [str(program_path("netconvert")), f"--opendrive-files={path.resolve()}", *_OPTIONS]
-        command += ["--plain-output-prefix=plain", "--output-file=net.xml"]
-        environment = {**os.environ, "SUMO_HOME": str(sumo_home())}
-        done = subprocess.run(
-            command,
-            cwd=folder,
-            env=environment,
-            capture_output=True,
-            encoding="utf-8",
-            errors="replace",
-            check=False,
-            timeout=_LONGEST_S,
-        )
+        options = [f"--opendrive-files={path.resolve()}", *_OPTIONS]
+        options += ["--plain-output-prefix=plain", "--output-file=net.xml"]
+        done = netconvert(options, folder, longest_s=_LONGEST_S)
         if done.returncode != 0:
             errors = [line for line in done.stderr.splitlines() if line.startswith("Error")]
             raise ValueError(" ".join(errors) or done.stderr[-160:] or f"exit {done.returncode}")

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import re
 import shutil
-import subprocess
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from subprocess import TimeoutExpired
 from tempfile import TemporaryDirectory
 from typing import TypeVar
 
@@ -18,7 +17,7 @@ from interplan_sumo.maps.importers.osm.extract import OsmExtract, driving_side, 
 from interplan_sumo.maps.importers.source import SourceCount, SourceMap
 from interplan_sumo.maps.importers.sumo.count import count_sumo_network
 from interplan_sumo.maps.importers.sumo.reader import read_sumo_network
-from interplan_sumo.maps.to_sumo import netconvert_message, program_path, sumo_home
+from interplan_sumo.maps.to_sumo import netconvert, netconvert_message, sumo_home
 from interplan_sumo.world.xml_file import is_zipped
 
 LICENCE = (
@@ -84,27 +83,16 @@ def _notes(extract: OsmExtract, side: str, why: str) -> tuple[str, ...]:
 @contextmanager
 def _network(extract: OsmExtract, *, left_hand: bool) -> Generator[Path]:
     """The network that netconvert makes of an extract."""
-    program, home = program_path("netconvert"), sumo_home()
-    types = ",".join(str(home / "data" / "typemap" / name) for name in _TYPE_FILES)
+    types = ",".join(str(sumo_home() / "data" / "typemap" / name) for name in _TYPE_FILES)
     with TemporaryDirectory(prefix="interplan-osm-") as folder:
         network = Path(folder, "map.net.xml")
         plain = Path(folder, "extract.osm.gz" if is_zipped(extract.path) else "extract.osm")
         shutil.copyfile(extract.path, plain)  # a comma in a name would make it two names
-        command = [str(program), f"--osm-files={plain}", f"--type-files={types}", *_OPTIONS]
-        command += [f"--output-file={network}", *(["--lefthand"] if left_hand else [])]
-        environment = {**os.environ, "SUMO_HOME": str(home)}
+        options = [f"--osm-files={plain}", f"--type-files={types}", *_OPTIONS]
+        options += [f"--output-file={network}", *(["--lefthand"] if left_hand else [])]
         try:
-            done = subprocess.run(
-                command,
-                cwd=folder,
-                env=environment,
-                capture_output=True,
-                encoding="utf-8",
-                errors="replace",
-                check=False,
-                timeout=_LONGEST_S,
-            )
-        except (OSError, subprocess.TimeoutExpired) as error:
+            done = netconvert(options, folder, longest_s=_LONGEST_S)
+        except (OSError, TimeoutExpired) as error:
             raise MapError(f"{extract.path}: netconvert does not come to an end with it: {error}") from error
         if done.returncode != 0 or not network.is_file():
             said = " ".join(netconvert_message(done.stderr).split())[:120]
