@@ -22,7 +22,7 @@ def test_a_polite_end_is_an_interruption_inside_the_block_only() -> None:
 
 @pytest.mark.slow
 def test_a_command_that_is_told_to_end_does(tmp_path: Path) -> None:
-    given = ("scenarios", "generate", "--map", "strip", "--family", "all", "--count", "50", "--workers", "1")
+    given = ("scenarios", "generate", "--map", "strip", "--family", "all", "--count", "5", "--workers", "1")
     command = [sys.executable, "-m", "interplan_sumo", *given, "--out", str(tmp_path / "out")]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:
         assert process.stderr is not None

@@ -78,7 +78,7 @@ def _on_map(
     certify: bool, overwrite: bool, as_json: bool,
 ) -> int:  # fmt: skip
     from interplan_sumo.maps.store import find_map, load_roads
-    from interplan_sumo.verification.generation import carry, check_folder, families_of, write_generated
+    from interplan_sumo.verification.generation import Generated, carry, check_folder, families_of, write_generated
     from interplan_sumo.verification.generation import generate as generated
     from interplan_sumo.verification.map_bundling import own_maps_root
 
@@ -86,7 +86,11 @@ def _on_map(
     count = COUNT if count is None else count
     files = find_map(map)
     root = own_maps_root(files)
-    made = [generated(load_roads(files.folder), name, count, seed, maps_beside=root) for name in families_of(family)]
+    made: list[Generated] = []
+    for name in families_of(family):
+        made.append(generated(load_roads(files.folder), name, count, seed, maps_beside=root))
+        sound = counted(len(made[-1].scenarios), "sound scenario")
+        print(f"{name}: {sound}, {counted(len(made[-1].rejected), 'place')} rejected", file=sys.stderr, flush=True)
     if root is not None and any(each.scenarios for each in made):
         carry(made, files, out, overwrite=overwrite)
     scenarios = [scenario for each in made for scenario in each.scenarios]

@@ -81,8 +81,12 @@ def test_the_command_writes_a_folder_that_run_accepts_and_the_certificates_are_i
     command = ["scenarios", "generate", "--map", "back_bay", "--family", "nudge", "--count", "1", "--seed", "5"]
     for folder in (out, again):
         assert main([*command, "--out", str(folder), "--workers", "0", "--json"]) == 0
-        said = json.loads(capsys.readouterr().out)
+        printed, told = capsys.readouterr()
+        said = json.loads(printed)
         assert (said["scenarios"], said["certified"], said["short"]) == (1, 1, {})
+        drawn, proof = told.splitlines()
+        assert drawn == f"nudge: 1 sound scenario, {len(rows(folder / 'rejected.csv'))} places rejected"
+        assert proof.startswith("[1/1] ")
     for name in ("scenarios.yaml", "report.csv", "rejected.csv", certificates.FILE):
         assert (out / name).read_bytes() == (again / name).read_bytes(), name
     assert [row["certified"] for row in rows(out / "report.csv")] == ["True"]
